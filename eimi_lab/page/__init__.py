@@ -1,6 +1,6 @@
 """The live page for the bench, which `eimi dashboard` serves to a browser on the same computer.
 
-server         the routes of the page, and the socket at which the page listens
+server         the routes of the page (addresses with the functions that answer), and its socket
 admission      decide which requests are answered: the token, Host and Origin
 redirect_file  a private file that opens the page without the token in a command line
 data_folder    the folder that the page may read and write
@@ -24,8 +24,4 @@ picture_desk   the routes for pictures without instruments
 by_hand        edges in images with a calibration that a person drags into place
 report_links   links that open a report in a new tab
 worker         a separate process for work that takes long or may crash
-
-A route is an address of the server together with the function that answers requests to this address.
-
-The server does almost no work itself and therefore answers at once. `static` contains the files that the browser loads.
 """

@@ -1,24 +1,24 @@
-"""Decide which requests the page answers, and what a browser may do with the answers.
+"""Refuse requests to the live web page that come from other web sites or from other users of the computer.
 
-The page is the live web page of `eimi dashboard`. The token is a random text that the page needs for every request.
-
-Two other parties might try to receive data from the page: a page of another site that is open in the same browser, and
-another user of the same computer, who can connect to every port of 127.0.0.1. A request is therefore answered only if
-all of these conditions are fulfilled:
-
-- Its Host is a name of this page. (Under DNS rebinding, a foreign name resolves to this computer.)
-- It carries the token in the header `X-Eimi-Token`, which a browser never adds to a request of another page.
-- If it is a POST or a WebSocket, its Origin is this page, and the browser does not report another site as its origin.
-
-A script in a browser cannot set a header of a WebSocket. The first message of a WebSocket must therefore be `{"token":
-...}`; before this message nothing is sent. There is no cookie, because a browser sends a cookie to every port of a
-host.
-
-The token stands in the fragment of the address (after `#`), which a browser does not send. A script moves the token to
-sessionStorage, which belongs to one origin (host and port) and one tab. The empty page, its scripts and its styles need
-no token, because they are part of the program and contain no data. The link to a report contains a separate key, see
-`report_links`.
+A request needs a token (a random secret text). A WebSocket sends the token in its first message.
 """
+
+# Two other parties might try to receive data from the page: a page of another site that is open in the same browser,
+# and another user of the same computer, who can connect to every port of 127.0.0.1. A request is therefore answered
+# only if all of these conditions are fulfilled:
+# - Its Host is a name of this page. (Under DNS rebinding, a foreign name resolves to this computer.)
+# - It carries the token in the header `X-Eimi-Token`, which a browser never adds to a request of another page.
+# - If it is a POST or a WebSocket, its Origin is this page, and the browser does not report another site as its
+#   origin.
+#
+# A script in a browser cannot set a header of a WebSocket. The first message of a WebSocket must therefore be
+# `{"token": ...}`; before this message nothing is sent. There is no cookie, because a browser sends a cookie to every
+# port of a host.
+#
+# The token stands in the fragment of the address (after `#`), which a browser does not send. A script moves the token
+# to sessionStorage, which belongs to one origin (host and port) and one tab. The empty page, its scripts and its
+# styles need no token, because they are part of the program and contain no data. The link to a report contains a
+# separate key, see `report_links`.
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class Admission:
     hosts : frozenset of str
         Allowed values of the header Host, with the port.
     token : str
-        The token that a request or the first message of a WebSocket must carry.
+        The secret text that a request or the first message of a WebSocket must carry.
     """
 
     app: ASGIApp
@@ -85,12 +85,7 @@ class Admission:
     token: str = field(repr=False)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer one request with a refusal, or with the answer of the application.
-
-        Headers that restrict the browser are added to the answer. The parameters are the usual parameters of an ASGI
-        application: the description of the request, the function that receives its messages and the function that sends
-        the answer.
-        """
+        """Send the application's answer to an allowed request, and refuse any other request."""
         if scope["type"] == "lifespan":
             await self.app(scope, receive, send)
             return
@@ -131,10 +126,7 @@ class Admission:
         return _refused_length(scope, headers)
 
     async def _is_introduced(self, receive: Receive, send: Send) -> bool:
-        """Accept a WebSocket, and return whether it belongs to this page: its first message must contain the token.
-
-        The token is the secret text of the page.
-        """
+        """Accept a WebSocket, and return whether its first message contains the token (the secret text of the page)."""
         await send({"type": "websocket.accept", "headers": []})
         try:
             message = await asyncio.wait_for(receive(), INTRODUCED_WITHIN_S)
@@ -154,11 +146,7 @@ def _refused_length(scope: Scope, headers: Headers) -> Response | None:
 
 
 def _after(first: Message, receive: Receive) -> Receive:
-    """Return a function that receives messages like `receive`, but returns the message ``first`` at its first call.
-
-    `Admission` has taken this message from ``receive`` to check it. With the returned function, the application
-    receives it too.
-    """
+    """Return a function that returns ``first`` at its first call, and then receives messages with `receive`."""
     waiting = [first]
 
     async def received() -> Message:
@@ -168,10 +156,7 @@ def _after(first: Message, receive: Receive) -> Receive:
 
 
 def _without_accept(send: Send) -> Send:
-    """Return a function that sends every message like `send`, but drops the acceptance of a WebSocket.
-
-    `Admission` has already sent the acceptance, and the application sends it a second time.
-    """
+    """Return a function that sends every message with `send`, except the acceptance of a WebSocket."""
 
     async def sent(message: Message) -> None:
         if message["type"] != "websocket.accept":
@@ -181,10 +166,7 @@ def _without_accept(send: Send) -> Send:
 
 
 def with_headers(send: Send) -> Send:
-    """Return a function that sends an answer with additional headers.
-
-    The headers restrict what a browser may do with the answer. A header that the answer already contains is kept.
-    """
+    """Return a function that adds security headers to an answer and sends it with `send`."""
 
     async def bound(message: Message) -> None:
         if message["type"] == "http.response.start":

@@ -1,18 +1,18 @@
-"""Start, watch and end a run that the page started. This is code of the server of the page.
+"""Start, watch and end a run (the measurement of one dataset) from the live web page.
 
-The page is the live web page of `eimi dashboard`. A run measures one dataset on the bench.
-
-The run is `eimi acquire` in a separate process. When the page ends, the run ends with its coil off.
-
-STOP sends two signals to the run. The run reacts to a signal even while it waits for a frame or a message. After the
-second signal it switches the coil off without a ramp. If no event confirms within some seconds that the coil is off,
-the run is killed. Its guardian (a separate process that switches the coil off if the run dies) then switches the coil
-off.
-
-The server derives the state of the run only from the events of the run and its guardian. The last line of the run on
-standard error is shown to the person, and does not change the state. In this line and in the sentences about events,
-instructions for a terminal are replaced by those for the page.
+The run is `eimi acquire` in a separate process.
 """
+
+# The run is `eimi acquire` in a separate process. When the page ends, the run ends with its coil off.
+#
+# STOP sends two signals to the run. The run reacts to a signal even while it waits for a frame or a message. After the
+# second signal it switches the coil off without a ramp. If no event confirms within some seconds that the coil is off,
+# the run is killed. Its guardian (a separate process that switches the coil off if the run dies) then switches the coil
+# off.
+#
+# The server derives the state of the run only from the events of the run and its guardian. The last line of the run on
+# standard error is shown to the person, and does not change the state. In this line and in the sentences about events,
+# instructions for a terminal are replaced by those for the page.
 
 from __future__ import annotations
 
@@ -84,8 +84,9 @@ AT_ONCE = (signal.SIGINT, signal.SIGTERM)  # two different signals, because the 
 class Order:
     """The input files and the options of a run, as texts for the command `eimi acquire`.
 
-    `resume` continues the run in the dataset. `take_over` switches off an output that is on before the run. `note` is a
-    remark that is stored in the dataset.
+    `resume` continues an incomplete dataset, `take_over` switches off an output that is on before the run, and `note`
+    is
+    a remark for the dataset.
     """
 
     protocol: str
@@ -107,31 +108,29 @@ class Order:
 
 @dataclass
 class Progress:
-    """The state of a run as the page (the live web page of `eimi dashboard`) shows it.
+    """The progress of a run as the live web page shows it.
 
     Attributes
     ----------
     number : int
-        Number of the run on this page. It distinguishes two runs whose datasets have the same name.
+        Number of the run on this page.
     phase : str
         "beginning", "running", "pausing", "paused", "ending" (with a ramp), "stopping" or "ended".
     coil : str
-        "off", "on", "switching off" (from STOP to the event with the result) or "unknown".
+        "off", "on", "switching off" or "unknown".
     off_by : str
-        How the coil was confirmed off: "measured" by a measured current, or "commanded" only by the settings that the
-        supply reports. Empty if the coil is not confirmed off.
+        "measured" if a measured current confirmed that the coil is off, "commanded" if only the settings of the supply
+        confirmed it; otherwise empty.
     coil_A : float or None
-        The current that was measured when the coil was switched off, A; None if no current was measured.
+        Current that was measured when the coil was switched off, A; None if no current was measured.
     left_s : float or None
-        Estimated remaining time, s; None before two states are stored.
+        Estimated remaining time, s; None before two load steps are stored.
     stopped : bool
-        Whether a person ended the run with STOP or with "End with a ramp down".
+        Whether a person ended the run.
     last_words : str
-        The last line of the run on standard error. Instructions for a terminal are replaced by those for the page.
+        The last line that the run wrote to standard error.
     said : deque of str
         Sentences about the last events of the run.
-
-    The other attributes have the values that the last events of the run reported (`eimi_lab.acquisition.events`).
     """
 
     number: int
@@ -156,17 +155,17 @@ class Progress:
     said: deque[str] = field(default_factory=lambda: deque(maxlen=KEPT_LINES))
 
     def as_json(self) -> dict[str, Any]:
-        """Return the attributes of this object, which describe the progress of the run, as a JSON object."""
+        """Return the progress of the run as a JSON object."""
         return {**vars(self), "said": list(self.said)}
 
 
 class BenchRun:
-    """A run that the page (the live web page of `eimi dashboard`) started, in progress or ended.
+    """A run that the live web page started, in progress or ended.
 
     Parameters
     ----------
     order : Order
-        Inputs and options of the run.
+        Input files and options of the run.
     number : int
         Number of the run on this page.
     name : str
@@ -174,7 +173,7 @@ class BenchRun:
     changed : callable
         Called at every change of ``progress``.
     seen : callable
-        Receives each frame of the run, and the edges that were found in a frame.
+        Receives the frames of the run, and the edges that were found in a frame.
     """
 
     def __init__(
@@ -199,11 +198,11 @@ class BenchRun:
 
     @property
     def going_on(self) -> bool:
-        """Whether the process of the run, or the guardian process that switches the coil off for it, still works."""
+        """Whether the run is still active, or the process that switches its coil off after a crash."""
         return not self._ended.is_set()
 
     async def begin(self) -> None:
-        """Start the process of the run, the process that compresses its frames and the process that finds edges."""
+        """Start the run, and start the processes that compress its frames and find edges."""
         memory = new_memory()
         bell_read_end, bell = os.pipe()
         events_read_end, events = os.pipe()
@@ -224,30 +223,27 @@ class BenchRun:
             self._tasks.append(asyncio.create_task(work))
 
     def pause(self) -> None:
-        """Ask the run to pause after the present state (load step). Without effect if the phase is not "running"."""
+        """Ask the run to pause after the present load step."""
         if self.progress.phase == "running":
             self._type("p")
             self._phase("pausing")
 
     def go_on(self) -> None:
-        """Ask a paused run to continue. The method has no effect if the run is not paused."""
+        """Ask a paused run to continue."""
         if self.progress.phase == "paused":
             self._type("")
 
     def end(self) -> None:
-        """Ask the run to end, with a ramp of the current to zero.
-
-        The stored states (load steps) stay in the dataset, and the run can be resumed.
-        """
+        """Ask the run to reduce the current to zero with a ramp and then to end."""
         if self.going_on:
             self._signal(signal.SIGINT)
             self.progress.stopped = True
             self._phase("ending")
 
     def stop(self) -> asyncio.Task[str]:
-        """Set the current to zero and switch the coil off at once, without a ramp.
+        """Switch the coil off at once, without a ramp.
 
-        The returned task waits until the coil is confirmed off. Its result is a sentence about the coil.
+        The result of the returned task is a sentence that says whether the coil is off.
         """
         if self.going_on:
             for number in AT_ONCE:
@@ -259,10 +255,7 @@ class BenchRun:
         return asyncio.create_task(self._confirmed())
 
     async def closed(self) -> None:
-        """End the run with a ramp of the current to zero, and wait until all processes of the run have ended.
-
-        A run that has not ended after some seconds is killed.
-        """
+        """End the run with a ramp of the current to zero, and wait until all processes of the run have ended."""
         if self.going_on:
             self.end()
             with suppress(TimeoutError):
@@ -316,10 +309,7 @@ class BenchRun:
             self._answered.set()
 
     async def _hear(self, events: int) -> None:
-        """Read the events and messages of the run until the run has ended.
-
-        If the guardian process switches the coil off for the run, read until the guardian process has ended too.
-        """
+        """Read the events and messages of the run until the run has ended."""
         await asyncio.gather(self._hear_events(events), self._hear_words())
         self.progress.status = await self._run.wait()
         if self.progress.coil in (
@@ -331,10 +321,7 @@ class BenchRun:
         self._phase("ended")
 
     async def _hear_events(self, descriptor: int) -> None:
-        """Read the events of the run until its pipe is closed.
-
-        A thread reads the pipe, because on Windows asyncio cannot read a pipe of this kind.
-        """
+        """Read the events of the run until its pipe is closed."""
         loop = asyncio.get_running_loop()
         lines: asyncio.Queue[bytes] = asyncio.Queue()
 
@@ -350,7 +337,7 @@ class BenchRun:
                 self.heard(from_line(line))
 
     def heard(self, event: Event | None) -> None:
-        """Update `progress` from an event of the run. None stands for an event that this release does not know."""
+        """Update `progress` from an event of the run. None stands for an event of an unknown type."""
         progress = self.progress
         match event:
             case RunBegun():
@@ -379,10 +366,7 @@ class BenchRun:
         self._changed()
 
     def _estimate(self, at_s: float) -> None:
-        """Estimate the time that the run still needs, when a state (load step) was stored at the time `at_s` (s).
-
-        The estimate is the number of missing states times the mean time for a state since the first one was stored.
-        """
+        """Estimate the remaining time of the run. `at_s` (s) is the time at which a load step was stored."""
         if self._taking is None:
             self._taking = at_s, self.progress.stored
             return
@@ -391,7 +375,7 @@ class BenchRun:
         self.progress.left_s = a_state_s * (self.progress.states - self.progress.stored)
 
     async def _hear_words(self) -> None:
-        """Store the last line of the run on standard error, which the live web page shows to the person."""
+        """Store the last line that the run wrote to standard error."""
         assert self._run.stderr is not None
         async for raw in self._run.stderr:
             if line := raw.decode("utf-8", "replace").strip():

@@ -1,9 +1,6 @@
-"""Images that were taken without the instruments of this program.
+"""Process images that were taken without the instruments of this program.
 
-On the page (the live web page of `eimi dashboard`), a person drags the marks of the calibration into place in an image,
-and saves the calibration together with the currents of the images.
-
-The functions run in the worker process of the page.
+On the live web page, a person drags the marks of the calibration into place in an image and types the currents.
 """
 
 from __future__ import annotations
@@ -43,7 +40,7 @@ WIDEST_PX = 1600
 
 
 def folders(folder: DataFolder) -> list[str]:
-    """Return the names of the folders that contain images. The data folder and two levels below it are searched."""
+    """Return the names of the folders that contain images, in the data folder and two levels below."""
     names = []
     for path in sorted({folder.root, *folder.root.glob("*/"), *folder.root.glob("*/*/")})[:MOST_FOLDERS]:
         name = folder.name_of(path)
@@ -60,12 +57,12 @@ def _has_pictures(path: Path) -> bool:
 def opened(path: Path) -> dict[str, Any]:
     """Return the names of the images in a folder, and the currents and the calibration from the files in the folder.
 
-    If the folder contains no calibration file, a first guess of the calibration is returned.
+    Without a calibration file, the calibration is a first guess.
 
     Raises
     ------
     InputError
-        If the folder contains no image, or if a file in it cannot be read.
+        If the folder contains no image, or if a file cannot be read.
     """
     images = _in_order(path)
     height, width = read_image(images[0]).shape[:2]
@@ -83,10 +80,7 @@ def _in_order(path: Path) -> list[Path]:
 
 
 def _guess(width: int, height: int) -> dict[str, Any]:
-    """Return a first guess of a calibration, whose marks a person then drags into place in the image.
-
-    The guess suits a beam that hangs from the upper part of an image of ``width`` by ``height`` pixels.
-    """
+    """Return a first guess of the calibration for an image of `width` by `height` pixels."""
     return {
         "pixels_per_mm": round(height / 60.0, 3),
         "coil_constant_mT_per_A": 1.0,
@@ -105,11 +99,7 @@ def _written_calibration(file: Path) -> dict[str, Any] | None:
 
 
 def _stated(folder: Path, changes: dict[str, Any]) -> Calibration:
-    """Return a calibration with the values that a person gave on the live web page.
-
-    Values that the page cannot change come from the file calibration.toml in the folder. Without this file they have
-    their default values.
-    """
+    """Return the calibration of a folder with the values (`changes`) that a person gave on the web page."""
     file = folder / CALIBRATION
     edited = {key: value for key, value in changes.items() if key in EDITED}
     return load_calibration(file, edited) if file.is_file() else check(Calibration, edited, "", "calibration")
@@ -123,7 +113,7 @@ def _written_currents(file: Path) -> dict[str, str]:
 
 
 def picture(path: Path) -> bytes:
-    """Return an image as JPEG, for the live web page. A very wide image is reduced.
+    """Return an image as JPEG of limited width.
 
     Raises
     ------
@@ -139,22 +129,22 @@ def _image(path: Path, changed_ns: int) -> Any:
 
 
 def edges(path: Path, calibration: dict[str, Any], specimen: str) -> dict[str, Any]:
-    """Find the edges of the beam in an image with the calibration from the web page, and return a JSON object.
+    """Find the edges of the beam in an image, and return a JSON object.
 
     Parameters
     ----------
     path : Path
         The image.
     calibration : dict
-        The values of the calibration that a person gave on the page, by their keys in calibration.toml.
+        The values that a person gave on the page, by their keys in calibration.toml.
     specimen : str
-        The specimen file, which gives length and width of the beam.
+        The specimen file.
 
     Returns
     -------
     dict
-        A JSON object with the two edges in pixels of the whole image, the angle of the tip with its standard
-        uncertainty (degrees), the blur with its limit (pixels), and the flags (failed quality checks).
+        The two edges (pixels), the angle of the tip with its standard uncertainty (degrees), the blur with its limit
+        (pixels), and the flags (failed quality checks).
 
     Raises
     ------
@@ -172,16 +162,16 @@ def edges(path: Path, calibration: dict[str, Any], specimen: str) -> dict[str, A
 
 
 def saved(path: Path, calibration: dict[str, Any], currents: dict[str, Any], replace: bool) -> dict[str, Any]:
-    """Write calibration.toml and states.csv into a folder of images. Images without a current are left out.
+    """Write the calibration (calibration.toml) and the currents (states.csv) into a folder of images.
 
     Parameters
     ----------
     path : Path
         The folder.
     calibration : dict
-        The values of the calibration that a person gave on the page, by their keys in calibration.toml.
+        The values that a person gave on the page, by their keys in calibration.toml.
     currents : dict
-        The typed current (A) of each image, by the name of the image.
+        The current (A) of each image, by the name of the image. Images without a current are left out.
     replace : bool
         Whether existing files are replaced.
 
@@ -193,8 +183,7 @@ def saved(path: Path, calibration: dict[str, Any], currents: dict[str, Any], rep
     Raises
     ------
     InputError
-        If a file exists and ``replace`` is false, if no image has a current, or if a current is not a number. In these
-        cases nothing is written.
+        If a file exists and ``replace`` is false, if no image has a current, or if a current is not a number.
     """
     new_calibration = _stated(path, calibration)
     names = [image.name for image in find_images(path)]
@@ -219,7 +208,7 @@ def _current(name: str, text: Any) -> str:
 
 
 def dataset_of(path: Path, specimen: str, target: Path, replace: bool) -> int:
-    """Make a dataset from the images of a folder, and return the number of its states (load steps).
+    """Make a dataset from the images of a folder, and return the number of its load steps.
 
     Parameters
     ----------
@@ -235,7 +224,7 @@ def dataset_of(path: Path, specimen: str, target: Path, replace: bool) -> int:
     Raises
     ------
     InputError
-        If a file cannot be read, or the dataset exists and ``replace`` is false.
+        If a file cannot be read, or if the dataset exists and ``replace`` is false.
     """
     saved_calibration = load_calibration(path / CALIBRATION)
     return import_frames(path, path / STATES, load_specimen(specimen), saved_calibration, target, replace)

@@ -1,7 +1,4 @@
-"""Make the files of a dataset from photographs of a loaded beam, clicks and typed numbers.
-
-The functions serve the page "Weights and a phone" and run in its worker process.
-"""
+"""Make the files of a dataset from photographs of a loaded beam, clicks and typed numbers."""
 
 from __future__ import annotations
 
@@ -49,14 +46,13 @@ _TYPED = (*_SIZES, "density_kg_m3")
 
 
 def opened(path: Path) -> dict[str, Any]:
-    """Return the names and the size of the photographs in a folder, and the values in the files of the folder.
+    """Return the names of the photographs in a folder, and the values in the files of the folder.
 
     Returns
     -------
     dict
-        A JSON object with the names and the size (pixels) of the photographs, and a text on how the focal length was
-        obtained, empty if there is none. The object also contains the values of specimen.toml and states.csv, the names
-        of the existing files and the name of the dataset.
+        A JSON object with the names and the size (pixels) of the photographs, a text on the source of the focal length,
+        the values of specimen.toml and states.csv, the names of the existing files and the name of the dataset.
 
     Raises
     ------
@@ -97,11 +93,7 @@ def _image(path: Path, changed_ns: int) -> Any:
 
 
 def _written_beam(file: Path) -> dict[str, str]:
-    """Return the values in a specimen file as texts, by their keys on the page "Weights and a phone".
-
-    The values are the name, the material, the sizes with their standard uncertainties, the density, and the position of
-    the thread on which the weights hang. The result is empty if the file does not exist.
-    """
+    """Return the values in a specimen file as texts, by their keys on the web page; empty without a file."""
     if not file.is_file():
         return {}
     table = parse_table(read_text(file), file)
@@ -127,19 +119,19 @@ def _written_grams(file: Path) -> dict[str, str]:
 
 
 def picture(path: Path) -> bytes:
-    """Return a photograph as JPEG in its full size and upright. Raises InputError if the photograph cannot be read."""
+    """Return a photograph as an upright JPEG in its full size. Raises InputError if the photograph cannot be read."""
     return jpeg(_image(path, path.stat().st_mtime_ns))
 
 
 def accepted(received: Path, target: Path) -> dict[str, Any]:
-    """Check a photograph that the live web page received, and give the file its final name.
+    """Check a photograph that the live web page received, and rename the file to `target`.
 
     Parameters
     ----------
     received : Path
-        The file with a temporary name. It does not exist any more after the call.
+        The file with a temporary name.
     target : Path
-        The path with the name of the photograph.
+        The path with the final name.
 
     Returns
     -------
@@ -149,7 +141,7 @@ def accepted(received: Path, target: Path) -> dict[str, Any]:
     Raises
     ------
     InputError
-        If the file is not a photograph that can be read, or if a different file has the name of the photograph.
+        If the file is not a readable photograph, or if a different file already has the final name.
     """
     try:
         height, width = read_image(received).shape[:2]
@@ -165,7 +157,7 @@ def accepted(received: Path, target: Path) -> dict[str, Any]:
 
 
 def edges(path: Path, clicked: Mapping[str, Any], beam: Mapping[str, Any]) -> dict[str, Any]:
-    """Find the edges of the beam in one photograph with the clicks of a person, and return a JSON object.
+    """Find the edges of the beam in a photograph, and return a JSON object.
 
     Parameters
     ----------
@@ -179,9 +171,8 @@ def edges(path: Path, clicked: Mapping[str, Any], beam: Mapping[str, Any]) -> di
     Returns
     -------
     dict
-        A JSON object with the two edges in pixels of the photograph, the angle of the tip with its standard uncertainty
-        (degrees), the blur with its limit (pixels), and the flags (failed quality checks). The key "sources" contains
-        each number of the calibration, and how it was obtained.
+        The two edges (pixels), the angle of the tip with its standard uncertainty (degrees), the blur with its limit
+        (pixels), the flags (failed quality checks), and the numbers of the calibration with their sources.
 
     Raises
     ------
@@ -229,10 +220,7 @@ def _day(file: Path) -> date:
 
 
 def _shown(measured: MeasuredBench) -> list[list[str]]:
-    """Return one row of three texts for each number of the calibration.
-
-    The texts are the key, the value with its standard uncertainty, and how the number was obtained.
-    """
+    """Return a row for each number of the calibration: its key, its value with standard uncertainty, and its source."""
     table, sigma = measured.calibration.model_dump(), measured.calibration.uncertainty or {}
     return [[key, f"{_words(table[key])} ± {sigma[key]:g}", source] for key, source in measured.sources.items()]
 
@@ -247,10 +235,7 @@ def _typed(table: Mapping[str, Any], key: str) -> str:
 
 
 def _number(table: Mapping[str, Any], key: str) -> float:
-    """Return the number that a person typed for a key of the live web page. A decimal comma is accepted.
-
-    Raises InputError if the number is missing or wrong.
-    """
+    """Return the number that a person typed for a key. Raises InputError if the number is missing or wrong."""
     text = _typed(table, key)
     if not text:
         raise InputError(f"{key} is missing; type a number")
@@ -264,7 +249,7 @@ def _number(table: Mapping[str, Any], key: str) -> float:
 
 
 def _specimen_text(beam: Mapping[str, Any], folder: Path) -> str:
-    """Return the text of a specimen file (TOML) with the numbers that a person typed on the live web page."""
+    """Return the text of a specimen file (TOML) with the numbers that a person typed."""
     sizes = {key: _number(beam, key) for key in _TYPED}
     sigmas = {key: _number(beam, f"{key}_sigma") for key in _SIZES}
     thread = [f"x_mm = {_number(beam, 'thread_mm'):g}"] if _typed(beam, "thread_mm") else []
@@ -296,8 +281,6 @@ def saved(
 ) -> dict[str, Any]:
     """Write specimen.toml, calibration.toml and states.csv beside the photographs, and make the dataset.
 
-    Photographs without a typed weight are left out. A photograph of the beam without a load has the weight 0.
-
     Parameters
     ----------
     folder : Path
@@ -307,21 +290,21 @@ def saved(
     beam : mapping
         The typed sizes and the density of the beam.
     grams : mapping
-        The typed mass of the weight in each photograph (g), by the name of the photograph.
+        The mass of the weight in each photograph (g), by the name of the photograph; 0 for a beam without a weight.
+        Photographs without a typed mass are left out.
     replace : bool
         Whether existing files are replaced.
 
     Returns
     -------
     dict
-        The names of the written files and of the dataset, the number of states, and each number of the calibration with
-        a text on how it was obtained.
+        The names of the written files and of the dataset, the number of load steps, and the numbers of the calibration
+        with their sources.
 
     Raises
     ------
     InputError
-        If a number is wrong or missing, or if a file exists and ``replace`` is false. In these cases nothing is
-        written.
+        If a number is wrong or missing, or if a file exists and ``replace`` is false.
     """
     specimen_text = _specimen_text(beam, folder)
     specimen = parse(SpecimenFile, specimen_text, SPECIMEN)

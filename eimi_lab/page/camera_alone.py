@@ -1,8 +1,6 @@
-"""Show the camera of a rig before a run: a process that writes frames into memory that it shares with the page.
+"""The process that shows the camera before a run: it writes frames into memory that it shares with the page.
 
-A rig is the set of instruments in a rig file. The page is the live web page of `eimi dashboard`.
-
-The process opens only the camera and sends nothing to the supply. It ends when its standard input closes.
+The process opens only the camera, not the supply of the coil.
 """
 
 from __future__ import annotations
@@ -41,14 +39,14 @@ def show(memory: int, bell: int, rig: str, specimen: str) -> None:
     Parameters
     ----------
     memory, bell : int
-        File descriptors of the shared memory (`frame_memory`), and of a pipe through which each frame is announced.
+        File descriptors of the shared memory, and of a pipe through which every frame is announced.
     rig, specimen : str
-        Paths of the rig file and the specimen file, or names of files of this package.
+        Paths of the rig file (which lists the instruments) and the specimen file, or names of shipped files.
 
     Raises
     ------
     InputError, InstrumentError
-        If the files cannot be used, or if the camera cannot be opened or gives no frames.
+        If a file cannot be used, or if the camera cannot be opened or gives no frames.
     """
     frames = FrameMemory(memory)
     never_wait_to_write(bell)

@@ -1,7 +1,4 @@
-"""The routes that show the live image of a camera before a run, so that a person can set focus and exposure.
-
-A route is an address of the server together with the function that answers requests to this address.
-"""
+"""The web addresses of the page that show the live image of a camera before a run."""
 
 from __future__ import annotations
 
@@ -36,7 +33,7 @@ LOOK_EVERY_S = 1.0
 class View:
     """The state of the live camera.
 
-    `rig` and `specimen` are the names that a person chose. `open` is true while the camera is open. `last_words` is the
+    `rig` and `specimen` are the names that a person chose. `open` tells whether the camera is open. `last_words` is the
     last line that the process of the camera wrote.
     """
 
@@ -47,17 +44,14 @@ class View:
 
 
 class CameraDesk:
-    """The live image of the camera of one rig, without a run.
-
-    A rig is the set of instruments in a rig file. The camera is closed when a run begins, and when no tab (of the live
-    web page in a browser) is open any more.
+    """The live image of a camera before a run.
 
     Parameters
     ----------
     folder : DataFolder
         The data folder.
     tabs : Tabs
-        The open tabs of the web page. The tab in control (the only tab that may change things) chooses the rig.
+        The open browser tabs of the page.
     in_use : callable
         Returns whether a run uses the camera.
     """
@@ -71,18 +65,15 @@ class CameraDesk:
         self.view: View | None = None
 
     def routes(self) -> list[BaseRoute]:
-        """Return the routes (addresses with the functions that answer) of the live camera."""
+        """Return the web addresses of the live camera, with the functions that answer."""
         return [Route("/api/camera", self._tabs.steered(self._show), methods=["POST"])]
 
     def as_json(self) -> dict[str, Any]:
-        """Return the chosen rig and specimen, and whether the live camera is open, as a JSON object for every tab.
-
-        A tab shows the live web page in a browser. The rig file lists the instruments.
-        """
+        """Return the chosen rig and specimen, and whether the live camera is open, as a JSON object."""
         return {"camera": asdict(self.view) if self.view else None}
 
     async def close(self) -> None:
-        """Close the camera if it is open, so that a run can open it, and wait until it is closed."""
+        """Close the camera if it is open, and wait until it is closed."""
         async with self._changing:
             await self._close()
 
@@ -115,10 +106,7 @@ class CameraDesk:
         self._watching = asyncio.create_task(self._watch(self._process, eyes, view))
 
     async def _watch(self, process: asyncio.subprocess.Process, eyes: OpenedEyes, view: View) -> None:
-        """Show the live image until the process of the camera has ended: send its frames and edges to all open tabs.
-
-        A tab shows the web page in a browser. If no tab is open any more, the process is told to end.
-        """
+        """Send the frames of the camera and their edges to all open tabs, until the process of the camera has ended."""
         without_tabs = asyncio.create_task(self._end_without_tabs(process))
         seeing = asyncio.create_task(eyes.see())
         assert process.stderr is not None
@@ -149,6 +137,6 @@ class CameraDesk:
 
 
 def _let_go(process: asyncio.subprocess.Process) -> None:
-    """Close the standard input of the camera's process. The process then closes the camera and ends."""
+    """Tell the process of the camera to end, by closing its standard input."""
     assert process.stdin is not None
     process.stdin.close()

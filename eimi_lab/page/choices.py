@@ -1,7 +1,4 @@
-"""The protocols, specimens and rigs that the page offers, and the dry run of the chosen files.
-
-The page is the live web page of `eimi dashboard`. A dry run lists the steps of a run without using an instrument.
-"""
+"""The input files that the live web page offers, and the list of steps that a run with them would do."""
 
 from __future__ import annotations
 
@@ -29,7 +26,7 @@ MOST_FILES = 500
 
 
 def shipped(kind: str) -> list[str]:
-    """Return the names of the TOML files of one kind that this package contains, without the ending ".toml".
+    """Return the names of the shipped TOML files of a kind, without the ending ".toml".
 
     The kind is "protocol", "specimen" or "rig".
     """
@@ -43,9 +40,8 @@ def choices(folder: DataFolder) -> Choices:
     Returns
     -------
     dict of lists of str
-        For each kind ("protocol", "specimen", "rig" and "calibration") the names of the files: first the TOML files in
-        the data folder and in its subfolders, then the files that this package contains. The list under the key
-        "incomplete" contains the names of files that a run would refuse, for example because values are missing.
+        The names by kind: "protocol", "specimen", "rig" and "calibration". The key "incomplete" lists files that cannot
+        be used, for example because values are missing.
     """
     names: Choices = {kind: [] for kind in (*KEYS, INCOMPLETE)}
     tomls = sorted([*folder.root.glob("*.toml"), *folder.root.glob("*/*.toml")])[:MOST_FILES]
@@ -75,7 +71,7 @@ def _is_complete(kind: str, file: Path) -> bool:
 
 
 def chosen(folder: DataFolder, kind: str, name: object) -> str:
-    """Return a chosen file in the form that a command accepts: its path, or the name of a file of this package.
+    """Return the path of a chosen file, or the name of a shipped file.
 
     Parameters
     ----------
@@ -102,10 +98,9 @@ def chosen(folder: DataFolder, kind: str, name: object) -> str:
 
 
 def dry(protocol: str, specimen: str, rig: str) -> list[str]:
-    """Return the steps of a dry run (a run without instruments) as lines of text.
+    """Return the steps of a run as lines of text, without using an instrument.
 
-    The messages to the supply are left out. `protocol`, `specimen` and `rig` are file paths or names of files of this
-    package.
+    `protocol`, `specimen` and `rig` are paths or names of shipped files.
 
     Raises
     ------

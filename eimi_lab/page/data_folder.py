@@ -1,7 +1,4 @@
-"""The data folder. Only in this folder, the page reads and writes datasets, images, TOML files, fits and reports.
-
-The page is the live web page of `eimi dashboard`.
-"""
+"""The data folder: the only folder in which the live web page reads and writes files."""
 
 from __future__ import annotations
 
@@ -19,7 +16,7 @@ KINDS = {".h5": "dataset", ".toml": "toml", ".json": "json", ".html": "report", 
 
 @dataclass(frozen=True)
 class Entry:
-    """A file or a folder that the page (the live web page of `eimi dashboard`) lists.
+    """A file or a folder in the list on the live web page.
 
     Parameters
     ----------
@@ -41,7 +38,7 @@ class Entry:
 
 @dataclass(frozen=True)
 class DataFolder:
-    """The folder whose files the live web page may read and write. The names of the files come from a browser.
+    """The folder whose files the live web page may read and write.
 
     Parameters
     ----------
@@ -52,9 +49,7 @@ class DataFolder:
     root: Path
 
     def inside(self, name: object) -> Path:
-        """Return the path of a name from the live web page. For a value that is not a text, return the data folder.
-
-        Links are followed before the check. A link to a place outside the folder is therefore refused, like "..".
+        """Return the path of a file that the browser named. For a value that is not a text, return the data folder.
 
         Raises
         ------
@@ -76,17 +71,14 @@ class DataFolder:
         return path
 
     def picture_in(self, folder: object, picture: object) -> Path:
-        """Return the path of a picture in a folder of the data folder.
-
-        Both names came from the live web page. Raises InputError if this picture does not exist.
-        """
+        """Return the path of a picture in a folder below the data folder. Raises InputError without this picture."""
         path = self.inside(f"{self.name_of(self.inside(folder))}/{picture}")
         if not path.is_file():
             raise InputError(f"{picture}: no such picture in this folder")
         return path
 
     def name_of(self, path: Path) -> str:
-        """Return the name of a path relative to the data folder. This is the inverse of `inside`."""
+        """Return a path relative to the data folder."""
         return path.relative_to(self.root).as_posix()
 
     def listed(self, name: str = "") -> list[Entry]:

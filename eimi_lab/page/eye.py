@@ -1,9 +1,4 @@
-"""The code of two processes that work on the frames of a run for the page (the web page of `eimi dashboard`).
-
-One process encodes the newest frame as JPEG. The other process finds the edges in the newest frame. Both processes have
-a lower priority (nice) than the run. The process for the edges has the lowest priority, because finding edges takes
-longest.
-"""
+"""Two processes for the live web page: one encodes the frames of a run as JPEG, the other finds edges in the frames."""
 
 from __future__ import annotations
 
@@ -45,16 +40,16 @@ _EDGES_SHARE = 0.5  # largest share of the time that the search for edges takes
 
 
 def show_frames(memory: int, bell: int, rig: str) -> None:
-    """Write each new frame as JPEG to standard output until the pipe `bell` is closed.
+    """Write every new frame as JPEG to standard output until the pipe `bell` is closed.
 
     Parameters
     ----------
     memory : int
         File descriptor of the shared memory with the newest frame.
     bell : int
-        Reading end of a pipe. A byte in the pipe announces a new frame. The run closes the pipe when the run ends.
+        Reading end of a pipe. A byte in the pipe announces a new frame.
     rig : str
-        The rig file.
+        The rig file, which lists the instruments.
     """
     calibration, frames, last = load_rig(rig).calibration, FrameMemory(memory), 0
     while True:
@@ -67,10 +62,7 @@ def show_frames(memory: int, bell: int, rig: str) -> None:
 
 
 def find_in_frames(memory: int, until_closed: int, rig: str, specimen: str) -> None:
-    """Write the edges of the newest frame to standard output, repeatedly, until a pipe is closed.
-
-    After each search, the process waits at least as long as the search took, so that it uses at most half of the time.
-    The last frame before the end is always searched.
+    """Find edges in the newest frame and write them to standard output, repeatedly, until a pipe is closed.
 
     Parameters
     ----------
@@ -79,7 +71,7 @@ def find_in_frames(memory: int, until_closed: int, rig: str, specimen: str) -> N
     until_closed : int
         Reading end of the pipe.
     rig, specimen : str
-        The rig file and the specimen file.
+        The rig file (which lists the instruments) and the specimen file.
     """
     calibration, beam, frames = load_rig(rig).calibration, load_specimen(specimen), FrameMemory(memory)
     place, last, pause_s, going_on = BeamFrame(calibration), 0, SHORTEST_PAUSE_S, True
@@ -107,11 +99,9 @@ def _described(frame: NewestFrame, calibration: Calibration) -> dict[str, Any]:
 
 
 def light(image: NDArray[Any]) -> dict[str, Any]:
-    """Return the exposure of an image, shape (H, W) or (H, W, 3) with H by W pixels, as a JSON object.
+    """Return the histogram of the grey levels and the share of saturated pixels of an image, as a JSON object.
 
-    "histogram" divides the range from 0 to the largest grey level into equal intervals, and contains the share of the
-    pixels in each interval. "saturated_share" is the share of saturated pixels. In a colour image the brightest channel
-    of each pixel is used, because a single saturated channel displaces an edge.
+    The image of H by W pixels has the shape (H, W), or (H, W, 3) with three colours.
     """
     some = image[::4, ::4] if image.size > 1 << 18 else image
     brightest = some if some.ndim == 2 else some.max(axis=2)
@@ -126,25 +116,22 @@ def light(image: NDArray[Any]) -> dict[str, Any]:
 def edges_in(image: NDArray[Any], calibration: Calibration, specimen: SpecimenFile, place: BeamFrame) -> dict[str, Any]:
     """Find the edges of the beam in an image, and return them with the blur of the image as a JSON object.
 
-    The result contains the blur of every image, and a flag (failed quality check) if the blur is above its limit.
-
     Parameters
     ----------
     image : ndarray, shape (H, W) or (H, W, 3)
-        The image.
+        The image of H by W pixels.
     calibration : Calibration
         The calibration of this image.
     specimen : SpecimenFile
         The specimen.
     place : BeamFrame
-        Conversion from the beam frame (x along the straight beam from the clamp, y across; mm) to the pixels of the
-        result.
+        Conversion from positions on the beam (mm) to pixels of the result.
 
     Returns
     -------
     dict
-        The two edges in pixels, the angle of the tip with its standard uncertainty (degrees), the blur with its limit
-        (pixels), and the flags. A value that cannot be measured is None.
+        The two edges (pixels), the angle of the tip with its standard uncertainty (degrees), the blur with its limit
+        (pixels), and the flags (failed quality checks). None stands for a value that cannot be measured.
     """
     edge_set = find_edges(image, calibration, specimen, limits={"blur_px": 0.0})
     blur = next((flag for flag in edge_set.flags if flag.name == _BLUR.name and flag.limit == 0.0), None)

@@ -1,7 +1,4 @@
-"""The routes that fit a dataset. A fit consists of two processes: `eimi fit`, and then `eimi report`.
-
-A route is an address of the server together with the function that answers requests to this address.
-"""
+"""The web addresses of the page that fit a dataset: the commands `eimi fit` and `eimi report` run in turn."""
 
 from __future__ import annotations
 
@@ -36,23 +33,23 @@ FITS, LOG, REPORT = ".fits.json", ".fits.log", ".report.html"
 
 @dataclass
 class Fitting:
-    """A fit that the page (the live web page of `eimi dashboard`) started, running or ended.
+    """A fit that the live web page started, running or ended.
 
     Parameters
     ----------
     number : int
-        Number of the fit on this page. It distinguishes two fits of one dataset.
+        Number of the fit on this page.
     dataset : str
         Name of the dataset in the data folder.
     model : str
         Name of the hyperelastic law.
     free : tuple of str
-        Names of uncertain quantities, such as the clamp, that the fit determines in addition to the law.
+        Uncertain quantities, such as the clamp, that are fitted in addition to the law.
     phase : str
         "fitting", "reporting", "done" or "failed".
     generations : list of (int, float, float)
-        For each generation (round of trial values) of the search: its number, and the smallest and the mean distance
-        (mm) between simulated and measured edges in this generation.
+        For every generation (round of trial values) of the search: its number, and the smallest and the mean distance
+        (mm) between simulated and measured edges.
     last_words : str
         The last line that the command wrote to standard error.
     """
@@ -67,7 +64,7 @@ class Fitting:
 
 
 class FitDesk:
-    """The routes (addresses with the functions that answer) of the fits that the web page starts, one at a time."""
+    """The fits that the live web page starts, one at a time."""
 
     def __init__(self, folder: DataFolder, worker: Worker, tabs: Tabs, reports: ReportLinks) -> None:
         self._reports = reports
@@ -78,7 +75,7 @@ class FitDesk:
         self.fitting: Fitting | None = None
 
     def routes(self) -> list[BaseRoute]:
-        """Return the routes (addresses with the functions that answer) that start, end and show fits."""
+        """Return the web addresses that start, end and show fits, with the functions that answer."""
         return [
             Route("/api/fit", self._stored),
             Route("/api/fit/start", self._steered(self._start), methods=["POST"]),
@@ -86,10 +83,7 @@ class FitDesk:
         ]
 
     def as_json(self) -> dict[str, Any]:
-        """Return phase and progress of the fit for every tab, as a JSON object with the key "fit".
-
-        The value of this key is None before a fit. A tab shows the live web page of `eimi dashboard` in a browser.
-        """
+        """Return phase and progress of the fit as a JSON object under the key "fit"; None before a fit."""
         return {"fit": asdict(self.fitting) if self.fitting else None}
 
     async def close(self) -> None:
@@ -140,10 +134,7 @@ class FitDesk:
                 self._process.terminate()
 
     async def _fit(self, dataset: Path, fitting: Fitting) -> None:
-        """Run the fit and write the report of the fit.
-
-        At the end, also after an error, send the phase of the fit to all open tabs of the web page.
-        """
+        """Run the fit, write the report, and send the final phase to all open tabs."""
         log = dataset.with_suffix(LOG)
         done = False
         try:
@@ -188,7 +179,7 @@ class FitDesk:
         return await self._process.wait() == 0
 
     async def _follow(self, log: Path, fitting: Fitting) -> None:
-        """Read the generations (rounds of trial laws) of the search from the log of the fit while the log grows."""
+        """Read the progress of the search from the log of the fit while the log grows."""
         read = 0
         while True:
             await asyncio.sleep(LOOK_EVERY_S)

@@ -1,9 +1,8 @@
-"""The newest frame of a run, in memory that the run and the page (the live web page of `eimi dashboard`) share.
+"""Memory that a run and the live web page share: the run writes the newest frame, and the page reads it."""
 
-The memory has two slots, each for one frame. The run writes into the two slots in turn and never waits for the page.
-The page reads the slot with the newer frame. If the reading takes long, the run may overwrite this slot in the
-meantime. Two counters in the slot show this, and the page then reads again.
-"""
+# The memory has two slots, each for one frame. The run writes into the two slots in turn and never waits for the page.
+# The page reads the slot with the newer frame. If the reading takes long, the run may overwrite this slot in the
+# meantime. Two counters in the slot show this, and the page then reads again.
 
 from __future__ import annotations
 
@@ -35,14 +34,15 @@ class NewestFrame:
     Parameters
     ----------
     number : int
-        Number of the frame. The frames are counted from 1 in the order in which they were written into the memory.
+        Number of the frame, counted from 1.
     image : ndarray, shape (H, W) or (H, W, 3)
-        The image of H by W pixels, grey or with three colour channels.
+        The image of H by W pixels, grey or with three colours.
     about : dict
-        Description of the frame by the run: number of the state (load step), set-point (A), measured current (A),
-        whether the output of the supply is on, and rise of the coil's temperature as a share of the allowed rise.
+        Number of the load step, set-point (A), measured current (A), whether the output of the supply is on, and rise
+        of
+        the coil's temperature as a share of the allowed rise.
     kept : int
-        1 if the image has every pixel of the frame, 2 if it has every second pixel in each direction, and so on.
+        1 if the image has every pixel of the frame, 2 if it has every second pixel in both directions, and so on.
     """
 
     number: int
@@ -52,10 +52,7 @@ class NewestFrame:
 
 
 def new_memory() -> int:
-    """Create the shared memory through which a `FrameMemory` passes frames, and return its file descriptor.
-
-    The operating system frees the memory when the last process has closed its descriptor.
-    """
+    """Create the shared memory, and return its file descriptor."""
     if hasattr(os, "memfd_create"):
         descriptor = os.memfd_create("frames")
     else:
@@ -76,13 +73,13 @@ class FrameMemory:
         return int(_NEWEST.unpack_from(self._memory, 0)[0])
 
     def write(self, image: NDArray[Any], about: dict[str, Any]) -> None:
-        """Write a frame into the shared memory, in place of the older of its two frames, without waiting for readers.
+        """Write a frame into the shared memory.
 
         Parameters
         ----------
         image : ndarray, shape (H, W) or (H, W, 3)
-            The image of H by W pixels. If the image is too large for the memory, only every second pixel in each
-            direction is written, or every fourth, and so on.
+            The image of H by W pixels. From an image that is too large, only every second pixel (or fourth, ...) is
+            written.
         about : dict
             Description of the frame, as a JSON object.
         """
@@ -104,10 +101,7 @@ class FrameMemory:
         _NEWEST.pack_into(self._memory, 0, number)
 
     def read(self, after: int) -> NewestFrame | None:
-        """Return the newest frame whose number is larger than `after`.
-
-        None is returned if there is no such frame, or if the run overwrote the frame during each attempt to read it.
-        """
+        """Return the newest frame if its number is larger than `after`; otherwise, or if it cannot be read, None."""
         for _ in range(_TRIES):
             number = self.newest()
             if number <= after:

@@ -1,7 +1,4 @@
-"""What a person has to do at the page, in place of the instructions that a run gives to a user of a terminal.
-
-The page is the live web page of `eimi dashboard`.
-"""
+"""Replace instructions for a terminal, in a message of a run, by instructions for the live web page."""
 
 from __future__ import annotations
 
@@ -24,11 +21,7 @@ AT_THE_PAGE = {
 
 
 def at_the_page(words: str) -> str:
-    """Return the message of a run as the page shows it.
-
-    The message may tell a user of a terminal what to do, such as to give an option. Each such instruction is replaced
-    by what a user of the page has to do, such as to press a button.
-    """
+    """Return a message of a run with instructions for the web page in place of instructions for a terminal."""
     for at_a_terminal, for_the_page in AT_THE_PAGE.items():
         words = words.replace(at_a_terminal, for_the_page)
     return words

@@ -1,9 +1,4 @@
-"""Start and end the two processes of `eye`, and receive their results. This is code of the server of the page.
-
-The page is the live web page of `eimi dashboard`.
-
-One process compresses the frames of a run or of the live camera. The other process finds the edges in these frames.
-"""
+"""Start and end two processes for the live web page: one compresses frames, the other finds edges in frames."""
 
 from __future__ import annotations
 
@@ -23,15 +18,14 @@ Seen = Callable[[dict[str, Any], bytes], None]
 
 
 class OpenedEyes:
-    """The two processes that read frames from shared memory: one compresses the frames, one finds their edges.
+    """Two processes that read frames from shared memory: one compresses frames, the other finds edges in frames.
 
     Parameters
     ----------
     number : int
-        Number of the run, which is sent with every frame; 0 for the live camera.
+        Number of the run; 0 for the live camera.
     seen : callable
-        Function that is called with the description of a frame and its JPEG, or with the edges of a frame as a JSON
-        object and empty bytes.
+        Receives the description of a frame with its JPEG, or the edges of a frame (a JSON object) with empty bytes.
     """
 
     def __init__(self, number: int, seen: Seen) -> None:
@@ -44,11 +38,11 @@ class OpenedEyes:
         Parameters
         ----------
         memory : int
-            Descriptor of the shared memory.
+            File descriptor of the shared memory.
         bell : int
             Reading end of the pipe that announces new frames.
         rig, specimen : str
-            Paths of the rig file and the specimen file, or names of files of this package.
+            Paths of the rig file (which lists the instruments) and the specimen file, or names of shipped files.
         """
         closed, self._open_while_seen = os.pipe()
         self._processes = [
@@ -58,11 +52,7 @@ class OpenedEyes:
         os.close(closed)
 
     async def see(self) -> None:
-        """Pass the results of both processes, which are frames and edges, to the function `seen` of this object.
-
-        The method returns when both processes have ended. The process for the frames ends first, after the last frame.
-        The method then asks the process for the edges to end.
-        """
+        """Pass frames and edges to the function `seen` of this object until both processes have ended."""
         frames, edges = self._processes
         finding = asyncio.create_task(self._see(edges))
         await self._see(frames)
@@ -70,7 +60,7 @@ class OpenedEyes:
         await finding
 
     def kill(self) -> None:
-        """End the process for the frames and the process for the edges at once."""
+        """End both processes at once."""
         for process in self._processes:
             with suppress(ProcessLookupError):
                 process.kill()

@@ -1,8 +1,4 @@
-"""The routes of the page "Weights and a phone".
-
-A route is an address of the server together with the function that answers requests to this address. The routes receive
-photographs, show the edges in the photographs, and write the files of a dataset.
-"""
+"""The web addresses of the page "Weights and a phone": receive photographs, show edges, and write a dataset."""
 
 from __future__ import annotations
 
@@ -27,16 +23,13 @@ LONGEST_NAME = 120
 
 
 class PhoneDesk:
-    """The routes that show photographs to every tab of the browser, and write files only for the one tab in control.
-
-    A route is an address with the function that answers. The tab in control is the only tab that may change things.
-    """
+    """The web addresses of the page "Weights and a phone". Only one browser tab may write files."""
 
     def __init__(self, folder: DataFolder, worker: Worker, tabs: Tabs) -> None:
         self._folder, self._worker, self._tabs = folder, worker, tabs
 
     def routes(self) -> list[BaseRoute]:
-        """Return the routes (addresses with the functions that answer) for the photographs."""
+        """Return the web addresses for the photographs, with the functions that answer."""
         return [
             Route("/api/phone", self._opened),
             Route("/api/phone/picture", self._picture),

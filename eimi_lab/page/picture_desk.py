@@ -1,7 +1,4 @@
-"""The routes for images that were taken without the instruments of this program.
-
-A route is an address of the server together with the function that answers requests to this address.
-"""
+"""The web addresses of the page for images that were taken without the instruments of this program."""
 
 from __future__ import annotations
 
@@ -18,16 +15,13 @@ from eimi_lab.page.worker import Worker
 
 
 class PictureDesk:
-    """The routes that show images to every tab of the browser, and write files only for the one tab in control.
-
-    A route is an address with the function that answers. The tab in control is the only tab that may change things.
-    """
+    """The web addresses of the page for images. Only one browser tab may write files."""
 
     def __init__(self, folder: DataFolder, worker: Worker, tabs: Tabs) -> None:
         self._folder, self._worker, self._steered = folder, worker, tabs.steered
 
     def routes(self) -> list[BaseRoute]:
-        """Return the routes (addresses with the functions that answer) for the images."""
+        """Return the web addresses for the images, with the functions that answer."""
         return [
             Route("/api/pictures/folders", self._folders),
             Route("/api/pictures", self._opened),

@@ -1,9 +1,6 @@
-"""A file that opens the page in a browser, so that the token does not appear in the command line of the browser.
+"""Open the live web page in a browser without its token (the secret text of the page) in a command line.
 
-The page is the live web page of `eimi dashboard`. The token is the secret text that every request must carry.
-
-On most systems every user can list the command lines of all processes. The command line of the browser contains only
-the name of this file, which no other user can read.
+Every user of a computer can list command lines. Only the owner can read the file that contains the token.
 """
 
 from __future__ import annotations
@@ -18,10 +15,9 @@ from pathlib import Path
 
 @contextmanager
 def redirect_file(address: str) -> Iterator[Path]:
-    """Write an HTML file that sends a browser on to an address, and yield the path of the file.
+    """Write a private HTML file that sends a browser to an address, and yield the path of the file.
 
-    The file is removed at the end of the context. Only the user can read the file (mode 0600, in a folder of mode
-    0700).
+    The file is removed at the end of the context.
     """
     with tempfile.TemporaryDirectory(prefix="eimi-page-") as folder:
         path = Path(folder) / "open.html"

@@ -1,8 +1,6 @@
-"""Links to the reports of a folder.
+"""Links that open a report in a new browser tab.
 
-A browser opens a link in a new tab without the header that carries the token (the secret text of the page). Each link
-therefore contains a key, which is computed from the name of the report and a secret of this page. The key opens only
-this report and gives no other right.
+A link contains a key (a secret text), which opens only this report.
 """
 
 from __future__ import annotations
@@ -16,7 +14,7 @@ REPORT = "/report"
 
 
 class ReportLinks:
-    """The links to reports: each link contains a key that opens only this report."""
+    """Links to reports. A link contains a key (a secret text) that opens only one report."""
 
     def __init__(self) -> None:
         self._secret = secrets.token_bytes(32)
@@ -26,7 +24,7 @@ class ReportLinks:
         return f"{REPORT}?{urlencode({'file': name, 'key': self._key(name)})}"
 
     def opens(self, name: str, key: str) -> bool:
-        """Return whether a link with the secret text ``key`` may open the report ``name``."""
+        """Return whether ``key`` is the secret text that opens the report ``name``."""
         return hmac.compare_digest(key.encode("utf-8", "replace"), self._key(name).encode())
 
     def _key(self, name: str) -> str:

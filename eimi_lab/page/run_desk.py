@@ -1,7 +1,4 @@
-"""The routes of the page that start, pause, end and stop a run.
-
-A route is an address of the server together with the function that answers requests to this address.
-"""
+"""The web addresses of the page that start, pause, end and stop a run."""
 
 from __future__ import annotations
 
@@ -21,10 +18,9 @@ from eimi_lab.process.errors import InputError
 
 
 class RunDesk:
-    """The routes (addresses with the functions that answer) of the runs that the page starts, one run at a time.
+    """The runs that the live web page starts, one at a time.
 
-    The page is the live web page of `eimi dashboard`. Only one tab, the tab in control, may start, pause and end a run.
-    Every tab can stop the run.
+    Only one browser tab may start, pause and end a run. Every tab can stop the run.
     """
 
     def __init__(self, folder: DataFolder, worker: Worker, tabs: Tabs) -> None:
@@ -34,7 +30,7 @@ class RunDesk:
         self._number = 0
 
     def routes(self) -> list[BaseRoute]:
-        """Return the routes (addresses with the functions that answer) of the run and of the live camera."""
+        """Return the web addresses of the run and of the live camera, with the functions that answer."""
         steered = {"dry": self._dry, "start": self._start, "pause": self._pause, "go-on": self._go_on, "end": self._end}
         return [
             WebSocketRoute("/live", self.tabs.serve),
@@ -45,16 +41,13 @@ class RunDesk:
         ]
 
     async def close(self) -> None:
-        """End a run that is under way, wait for its end, and close the camera."""
+        """End an active run, wait for its end, and close the camera."""
         if self.run is not None:
             await self.run.closed()
         await self.camera.close()
 
     def as_json(self) -> dict[str, Any]:
-        """Return phase and progress of the run, and whether the live camera is open, as a JSON object for every tab.
-
-        A tab shows the live web page of `eimi dashboard` in a browser.
-        """
+        """Return phase and progress of the run, and whether the live camera is open, as a JSON object."""
         return {"run": self.run.progress.as_json() if self.run else None, **self.camera.as_json()}
 
     async def _choices(self, request: Request) -> Response:

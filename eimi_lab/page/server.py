@@ -1,7 +1,4 @@
-"""The routes of the page, and the socket at which the page listens.
-
-The page is the live web page of `eimi dashboard`. A route is an address with the function that answers.
-"""
+"""The web server of `eimi dashboard`: the addresses of the live web page, and the socket of the server."""
 
 from __future__ import annotations
 
@@ -43,14 +40,10 @@ CLOSE_WITHIN_S = 10
 
 
 class Page:
-    """The page: its routes (addresses with the functions that answer), and the objects that the routes share.
-
-    The page is the live web page of `eimi dashboard`. The shared objects are the data folder, the worker process and
-    the open tabs.
-    """
+    """The live web page of `eimi dashboard`: its addresses with the functions that answer."""
 
     def __init__(self, folder: Path) -> None:
-        """Create the page for the data folder ``folder``. Raises InputError if ``folder`` is not a folder."""
+        """Create the page for a data folder. Raises InputError if ``folder`` is not a folder."""
         if not folder.is_dir():
             raise InputError(f"{folder}: is not a folder; give the folder with datasets and pictures")
         self.folder = DataFolder(followed(reachable(folder)))
@@ -63,10 +56,7 @@ class Page:
         self.phone = PhoneDesk(self.folder, self.worker, self.tabs)
 
     def application(self) -> Starlette:
-        """Return the application that answers the requests of a browser.
-
-        The application itself does not check whether a request is allowed; `Admission` checks every request before it.
-        """
+        """Return the application that answers the requests of a browser. It does not check the token."""
         routes = [
             Route("/", _index),
             Route("/api/folder", self._listing),
@@ -114,11 +104,11 @@ class Page:
         return JSONResponse(await self.worker.do(stored_runs.modulus, self._file(request), _number(request, "states")))
 
     async def _delays(self, request: Request) -> Response:
-        """Answer with the delays of the last frames: the times (s) from their arrival at the run to their display."""
+        """Answer with the times (s) from the arrival of the last frames at the run to their display."""
         return JSONResponse({"frame_to_screen_s": list(self.tabs.ages_s)})
 
     async def _report(self, request: Request) -> Response:
-        """Answer with a report if the request carries the key of the report (a text that opens only this report)."""
+        """Answer with a report if the request carries the key (the secret text) of this report."""
         if not self.reports.opens(request.query_params.get("file", ""), request.query_params.get("key", "")):
             return PlainTextResponse(
                 "this link is not valid; a link is valid until `eimi dashboard` ends; open the report from the page",
@@ -150,7 +140,7 @@ async def _error_answer(request: Request, error: Exception) -> Response:
 
 
 def guarded(page: Page, hosts: frozenset[str], token: str) -> Admission:
-    """Return the application of the page with a check in front that refuses requests of other sites and other users.
+    """Return the web application, which answers only requests with the right Host and the right token.
 
     Parameters
     ----------
@@ -165,7 +155,7 @@ def guarded(page: Page, hosts: frozenset[str], token: str) -> Admission:
 
 
 def serve(folder: Path, host: str, port: int, say: Callable[[str], None], view: str = "") -> None:
-    """Serve the page (the live web page of `eimi dashboard`) until a signal such as Ctrl-C comes.
+    """Serve the live web page until a signal such as Ctrl-C comes.
 
     Parameters
     ----------
@@ -178,7 +168,7 @@ def serve(folder: Path, host: str, port: int, say: Callable[[str], None], view: 
     say : callable
         Receives the address to open in a browser.
     view : str
-        The view (part of the page) that the address opens, such as "phone". By default, the first view.
+        The part of the page that the address opens, such as "phone". By default, the first part.
 
     Raises
     ------
@@ -215,10 +205,9 @@ def serve(folder: Path, host: str, port: int, say: Callable[[str], None], view: 
 
 
 class _Server(uvicorn.Server):
-    """A server that shuts down in order after every signal that stops the program, also after SIGHUP.
+    """A web server that shuts down in order after every signal that stops the program, also after SIGHUP.
 
-    The server of uvicorn does not react to SIGHUP. The attribute ``asked`` lists the signals that came. After the first
-    signal, the time for closing is limited.
+    The attribute ``asked`` lists the received signals.
     """
 
     def __init__(self, config: uvicorn.Config) -> None:

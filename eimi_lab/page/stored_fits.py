@@ -1,7 +1,4 @@
-"""Read the fits of a result file for the page (the live web page of `eimi dashboard`).
-
-The functions run in the worker process of the page.
-"""
+"""Read the fits of a result file for the live web page."""
 
 from __future__ import annotations
 
@@ -18,10 +15,9 @@ MOST_BUDGET = 6
 def summaries(path: Path) -> list[dict[str, Any]]:
     """Return a summary of each fit of a bent beam in a result file, as JSON objects.
 
-    A summary contains the modulus and the parameters of the law with their 95 % intervals, a sentence with the modulus
-    in kPa (or a larger unit), and the error of each state against the field. It also contains the uncertainty budget
-    (the sources of uncertainty with the contribution of each source to the modulus in percent), the doubts (reasons to
-    distrust the result), and the error in each generation of the search.
+    A summary contains the modulus and the parameters of the law with their 95 % intervals, the error at every load
+    step,
+    the contributions to the uncertainty, and the reasons to distrust the result.
 
     Raises
     ------

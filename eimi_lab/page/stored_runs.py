@@ -1,7 +1,4 @@
-"""Read a dataset for the live web page. The dataset is opened read-only, also while a run writes it.
-
-The functions run in the worker process of the page.
-"""
+"""Read a dataset for the live web page, also while a run writes the dataset."""
 
 from __future__ import annotations
 
@@ -35,7 +32,7 @@ Edges = dict[str, Any]
 
 
 def described(path: Path) -> dict[str, Any]:
-    """Return the specimen, the instruments and the states of a dataset as a JSON object. The edges are not included.
+    """Return the specimen, the instruments and the load steps of a dataset as a JSON object, without the edges.
 
     Raises
     ------
@@ -71,12 +68,12 @@ def described(path: Path) -> dict[str, Any]:
 
 
 def picture(path: Path, index: int) -> bytes:
-    """Return the mean of the frames of a state (load step) as JPEG.
+    """Return the mean of the frames of a load step as JPEG.
 
     Raises
     ------
     InputError
-        If the dataset cannot be read or does not have the state.
+        If the dataset cannot be read or does not have the load step.
     """
     with open_dataset(path) as dataset:
         _check_state(dataset, index)
@@ -84,12 +81,12 @@ def picture(path: Path, index: int) -> bytes:
 
 
 def edges(path: Path, index: int) -> Edges:
-    """Return the edges of a state (load step) in pixels. If the dataset has no edges, find the edges in its frames.
+    """Return the edges of the beam at a load step in pixels, stored or found in the frames.
 
     Raises
     ------
     InputError
-        If the dataset cannot be read or does not have the state.
+        If the dataset cannot be read or does not have the load step.
     """
     with open_dataset(path) as dataset:
         _check_state(dataset, index)
@@ -105,10 +102,9 @@ Identity = tuple[int, int, str]
 
 
 def _identity(dataset: Dataset) -> Identity:
-    """Return a key under which results for a dataset can be kept in memory, while a run still appends states to it.
+    """Return a key that identifies a dataset, also while a run still appends to it.
 
-    Stored states never change. The key consists of the device, the inode number and the start time of the run. The
-    start time is necessary because a new file can get the inode number of a deleted file.
+    The key consists of the device, the inode number and the start time of the run.
     """
     about = dataset.path.stat()
     return about.st_dev, about.st_ino, dataset.start_time().isoformat()
@@ -124,24 +120,21 @@ _last_estimate: dict[Identity, ModulusSoFar] = {}
 
 
 def modulus(path: Path, states: int) -> dict[str, Any] | None:
-    """Return an estimate of the initial shear modulus from the first states of a dataset.
-
-    The page shows the estimate while a run still adds states. To save time, the search for the modulus starts at the
-    previous estimate for the same dataset.
+    """Return an estimate of the initial shear modulus from the first load steps of a dataset.
 
     Parameters
     ----------
     path : Path
         The dataset.
     states : int
-        Number of states to use.
+        Number of load steps to use.
 
     Returns
     -------
     dict or None
-        A JSON object with the modulus and its 95 % interval in kPa, the name of the source of uncertainty that
-        contributes most to the interval, and the distance between the measured and the simulated edges in mm. None if
-        there are too few states.
+        The modulus with its 95 % interval (kPa), the main source of its uncertainty, and the distance between the
+        measured
+        and the simulated edges (mm). None if there are too few load steps.
 
     Raises
     ------
@@ -172,10 +165,9 @@ def modulus(path: Path, states: int) -> dict[str, Any] | None:
 
 
 def in_pixels(edge_set: EdgeSet, frame: BeamFrame) -> Edges:
-    """Return the two edges of a beam in pixels and the flags of the edges, as a JSON object.
+    """Return the two edges of a beam in pixels and the flags (names of defects) of the edges, as a JSON object.
 
-    Each edge is a list of n points (x, y). `frame` converts from the beam frame (x along the straight beam from the
-    clamp, y across; mm) to pixels. A flag is the name of a defect.
+    An edge is a list of points (x, y). `frame` converts from mm on the beam to pixels.
     """
     return {
         "left": rounded(frame.to_px(edge_set.left.points_mm)),
@@ -185,9 +177,9 @@ def in_pixels(edge_set: EdgeSet, frame: BeamFrame) -> Edges:
 
 
 def shown_flags(flags: tuple[Flag, ...]) -> list[dict[str, Any]]:
-    """Return flags (defects of a picture or of its edges) as JSON objects.
+    """Return flags as JSON objects with name, measured value, limit, severity and remedy.
 
-    Each object has the name, the measured value, the limit, the severity and the remedy of the flag.
+    A flag is a defect of a picture or of its edges.
     """
     return [{**asdict(flag), "value": finite(flag.value), "limit": finite(flag.limit)} for flag in flags]
 
@@ -198,15 +190,14 @@ def rounded(points: NDArray[Any]) -> list[list[float]]:
 
 
 def finite(value: float) -> float | None:
-    """Return a number for JSON. NaN and infinity, which JSON does not have, become None."""
+    """Return a number for JSON: None for NaN and infinity, otherwise the number itself."""
     return float(value) if np.isfinite(value) else None
 
 
 def jpeg(image: NDArray[Any], widest_px: int | None = None) -> bytes:
-    """Return an image in the format JPEG, reduced to a width of at most `widest_px` pixels.
+    """Return an image as JPEG, reduced to a width of at most `widest_px` pixels (None: not reduced).
 
-    The image of H by W pixels has the shape (H, W) or (H, W, 3) and any bit depth. If `widest_px` is None, the image
-    keeps its size.
+    The image of H by W pixels has the shape (H, W), or (H, W, 3) with three colours, and any bit depth.
     """
     shown = in_colour(image) if image.ndim == 3 else in_colour(image)[..., 0]
     if widest_px and shown.shape[1] > widest_px:

@@ -1,11 +1,4 @@
-"""The open tabs of the page. One tab is in control: only this tab may start and change things. The other tabs watch.
-
-The page is the live web page of `eimi dashboard`.
-
-Every tab receives the newest frame.
-
-A tab that reads slowly receives fewer frames. The run does not wait for it, and older frames are dropped.
-"""
+"""The open browser tabs of the live web page. One tab controls the run; the other tabs watch."""
 
 from __future__ import annotations
 
@@ -56,14 +49,15 @@ def table_of(body: dict[str, Any], key: str) -> dict[str, Any]:
 
 @dataclass(eq=False)
 class Tab:
-    """An open tab of the page, with the messages that are not sent to it yet.
+    """An open browser tab of the page, with the messages that are not sent to it yet.
 
-    ``socket`` is its WebSocket, and ``name`` identifies the tab. ``stale`` is true until the tab has received the
-    newest state of the page (of run, camera and fit). ``frame`` and ``edges`` are the newest frame and edges that are
-    not sent yet; None without one. ``wake`` tells the sending task that there is something to send.
-
-    While a frame is on its way to the tab, ``waiting`` contains two times (s, monotonic clock): when the frame was sent
-    and when it was captured. After the tab has shown the frame, ``waiting`` is None.
+    ``socket`` is the WebSocket of the tab, and ``name`` identifies the tab. ``frame`` and ``edges`` are the newest
+    frame
+    and edges that are not sent yet. ``stale`` tells whether a new state of the page (run, camera and fit) is not sent
+    yet.
+    ``wake`` is set when there is something to send. ``waiting`` contains two times (s, monotonic clock) of the frame
+    that
+    the tab has not shown yet: when it was sent and when it was captured.
     """
 
     socket: WebSocket
@@ -76,12 +70,12 @@ class Tab:
 
 
 class Tabs:
-    """The open tabs of the page, one of which may be in control.
+    """The open browser tabs of the page, one of which may control the run.
 
     Parameters
     ----------
     state : callable
-        Returns the state of the page (run, camera and fit) as a JSON object. A new state is sent to every tab.
+        Returns the state of the page (run, camera and fit) as a JSON object.
     """
 
     def __init__(self, state: Callable[[], dict[str, Any]]) -> None:
@@ -92,11 +86,11 @@ class Tabs:
         self.ages_s: deque[float] = deque(maxlen=KEPT_AGES)
 
     def may_steer(self, name: str) -> bool:
-        """Return whether the tab with the name ``name`` is in control, that is, may start and change things."""
+        """Return whether the tab with this name may start and change things."""
         return self._steers is not None and secrets.compare_digest(self._steers.name.encode(), name.encode())
 
     def check_control(self, request: Request) -> None:
-        """Raise InputError if a request does not come from the tab in control (the only tab that may change things)."""
+        """Raise InputError if a request does not come from the tab that controls the run."""
         if not self.may_steer(request.headers.get(TAB_HEADER, "")):
             raise InputError(
                 'this browser tab only watches the run; take control first, with the button "Take control"'
@@ -105,8 +99,8 @@ class Tabs:
     def steered(self, act: Act) -> Callable[[Request], Awaitable[Response]]:
         """Return a function that answers a request with the result of `act`, as JSON.
 
-        `act` receives the JSON object in the body of the request. A request that does not come from the tab in control
-        is refused.
+        `act` receives the JSON object in the body of the request. Only requests of the tab that controls the run are
+        accepted.
         """
 
         async def answer(request: Request) -> Response:
@@ -116,17 +110,17 @@ class Tabs:
         return answer
 
     def any_open(self) -> bool:
-        """Return whether any tab of the web page is open."""
+        """Return whether any tab is open."""
         return bool(self._open)
 
     def changed(self) -> None:
-        """Send the new state of the page (run, camera, fit and control) to every tab."""
+        """Send the new state of the page (run, camera, fit and the tab that controls the run) to every tab."""
         for tab in self._open:
             tab.stale = True
             tab.wake.set()
 
     def show(self, about: dict[str, Any], picture: bytes) -> None:
-        """Send a frame, or the edges of a frame, to every open tab of the web page.
+        """Send a frame, or the edges of a frame, to every open tab.
 
         Parameters
         ----------
@@ -148,7 +142,7 @@ class Tabs:
             tab.wake.set()
 
     async def serve(self, socket: WebSocket) -> None:
-        """Exchange messages with one tab of the web page over its WebSocket until the tab closes the WebSocket."""
+        """Exchange messages with a tab over its WebSocket until the tab closes the WebSocket."""
         await socket.accept()
         if len(self._open) >= MOST_TABS:
             await socket.close(
@@ -176,10 +170,7 @@ class Tabs:
             self.changed()
 
     def _handle(self, tab: Tab, message: Any) -> None:
-        """Handle a message of a tab of the web page: a request to take control, or the report that a frame was shown.
-
-        Raises TypeError if the message is not a JSON object.
-        """
+        """Handle a message of a tab: a request to take control, or the report that a frame was shown."""
         if not isinstance(message, dict):
             raise TypeError(message)
         if message.get("take"):

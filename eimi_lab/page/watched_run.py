@@ -1,10 +1,6 @@
-"""Connect a run that the page started to the page: send frames and events, and receive requests.
+"""Connect a run to the live web page: send frames and events, and receive requests as lines on standard input.
 
-The page is the live web page of `eimi dashboard`.
-
-This code runs in the process of `eimi acquire` and never delays the run. It writes frames into shared memory and events
-into a pipe (`event_lines`). The requests of the page arrive as lines on standard input, like lines that a person types.
-When standard input closes, the program of the page has ended. The run then ends with its coil off.
+When standard input closes, the run ends with its coil off. The connection never delays the run.
 """
 
 from __future__ import annotations
@@ -45,8 +41,9 @@ RATE_OVER_S = 1.0
 class Descriptors:
     """File descriptors that a run inherits from the server of the live web page.
 
-    `memory` is the shared memory for the newest frame. `bell` is a pipe that announces each new frame. `events` is a
-    pipe for the events of the run.
+    `memory` is the shared memory for the newest frame. `bell` is a pipe that announces new frames. `events` is a pipe
+    for
+    the events of the run.
     """
 
     memory: int
@@ -55,10 +52,7 @@ class Descriptors:
 
     @classmethod
     def of(cls, numbers: str) -> Descriptors:
-        """Return the three file descriptors that the parent process, the server of the page, passed to this process.
-
-        ``numbers`` is an argument of the command line: the names of the descriptors, separated by commas.
-        """
+        """Return the three file descriptors from a command-line argument that separates their names by commas."""
         return cls(*map(received, numbers.split(",")))
 
 
@@ -66,8 +60,8 @@ class Descriptors:
 class Watched:
     """Arguments for `acquire` with which a person can watch and pause a run.
 
-    `bench` contains the open instruments of the run, `show` receives every frame, and `typed` returns the next line
-    that a person typed.
+    `bench` contains the open instruments, `show` receives every frame, and `typed` returns the next line that a person
+    typed.
     """
 
     bench: Bench
@@ -77,18 +71,16 @@ class Watched:
 
 @contextmanager
 def watched(page: Descriptors | None, bench: Bench, rig: Rig, on_event: OnEvent) -> Iterator[Watched]:
-    """Connect a run to the live web page that started it, and yield the instruments and functions for the run.
-
-    With them, a person can watch and pause the run on the page. Without a page, the instruments are yielded unchanged.
+    """Connect a run to the live web page, and yield the instruments and functions with which a person watches the run.
 
     Parameters
     ----------
     page : Descriptors or None
-        File descriptors that the page passed to the run; None for a run that a person started at a terminal.
+        File descriptors that the page passed to the run; None without a page.
     bench : Bench
-        The open instruments. For a page, the supply is replaced by a supply that remembers its values for the page.
+        The open instruments.
     rig : Rig
-        The rig, for the rating of the coil.
+        The rig, which gives the rating of the coil.
     on_event : OnEvent
         Receives `PageGone` if the program of the page ends.
     """
@@ -119,9 +111,9 @@ def _listen(typed: queue.SimpleQueue[str], on_event: OnEvent) -> None:
 
 
 class WatchedSupply:
-    """A supply that remembers its set-point, its measured current and the heating of the coil for the live web page.
+    """A power supply that stores its set-point, its measured current and the heating of the coil for the live web page.
 
-    Every method passes its call to the wrapped supply.
+    Other calls are passed to the wrapped supply.
     """
 
     def __init__(self, supply: PowerSupply, clock: Clock, rig: Rig) -> None:
@@ -149,8 +141,9 @@ class WatchedSupply:
     def values(self) -> dict[str, Any]:
         """Return the set-point (A), the measured current (A), whether the output is on, and the heating of the coil.
 
-        The heating is the computed rise of the coil's temperature, divided by the rise at the continuous current of the
-        coil. It is None if the rig file gives no rating of the coil.
+        The heating is the rise of the coil's temperature, divided by the rise at the continuous current of the coil;
+        None
+        without a rating of the coil.
         """
         heat = self._warming.share(self._clock.now()) if self._warming else None
         return {"set_A": self.set_A, "measured_A": self.measured_A, "on": self.on, "heat_share": heat}
@@ -160,18 +153,18 @@ class WatchedSupply:
         return self._supply.identify()
 
     def set_voltage(self, voltage_V: float) -> None:
-        """Set the voltage, V, as `PowerSupply.set_voltage` does."""
+        """Set the voltage, V."""
         self._supply.set_voltage(voltage_V)
 
     def set_current(self, current_A: float) -> None:
-        """Set the current, A, as `PowerSupply.set_current` does, and store this current as the set-point."""
+        """Set the current, A, and store it as the set-point."""
         self._supply.set_current(current_A)
         self.set_A = current_A
         if self._warming:
             self._warming.flows(self._clock.now(), current_A if self.on else 0.0)
 
     def set_output(self, on: bool) -> None:
-        """Switch the output on or off, as `PowerSupply.set_output` does, and store whether the output is on."""
+        """Switch the output on or off, and store whether it is on."""
         self._supply.set_output(on)
         self._switched(on)
 
@@ -180,13 +173,13 @@ class WatchedSupply:
         return self._supply.output_on()
 
     def measure(self) -> Reading:
-        """Measure voltage and current, as `PowerSupply.measure` does, and store the current."""
+        """Measure voltage and current, and store the current."""
         reading = self._supply.measure()
         self.measured_A = reading.current_A
         return reading
 
     def check(self) -> None:
-        """Raise an error if the supply reports a fault, as `PowerSupply.check` does."""
+        """Raise an error if the supply reports a fault."""
         self._supply.check()
 
     def safe_off(self) -> Off | None:
@@ -214,7 +207,7 @@ class WatchedSupply:
 
 
 class _Shown:
-    """A viewer that writes frames into the shared memory, and announces each frame to the web page through a pipe."""
+    """A viewer that writes frames into the shared memory, and announces new frames through a pipe."""
 
     def __init__(self, memory: FrameMemory, bell: int, supply: WatchedSupply) -> None:
         self._memory, self._bell, self._supply = memory, bell, supply

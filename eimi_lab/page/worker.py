@@ -1,7 +1,4 @@
-"""A separate process for work that is long or may crash, such as reading HDF5 files and finding edges.
-
-If a library crashes on a damaged file, only this process ends. The live web page and a run continue.
-"""
+"""A separate process for work that is long or may crash, such as reading HDF5 files and finding edges."""
 
 from __future__ import annotations
 
@@ -23,16 +20,13 @@ GIVES_WAY = 5  # number that is added to the nice value, so that the server answ
 
 
 class Worker:
-    """A separate process that carries out one task after another.
-
-    The process is started for the first task, and started again after a crash.
-    """
+    """A separate process that carries out one task after another, and is started again after a crash."""
 
     def __init__(self) -> None:
         self._pool: ProcessPoolExecutor | None = None
 
     async def do(self, function: Callable[..., T], *arguments: Any) -> T:
-        """Call a function of a module in the worker process, and return the result of the function.
+        """Call a function of a module in the worker process, and return its result.
 
         Raises
         ------
