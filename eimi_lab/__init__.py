@@ -3,8 +3,7 @@
 `open`, `acquire`, `import_pictures`, `import_points`, `import_motion` and `segment` make or open a dataset. `fit`,
 `open_fits`, `tensile`, `discover` and `Prior` lead from datasets to laws. `simulate`, `validate`, `plan`, `report` and
 `export` use a law, and `publish` archives it. `LAWS`, `SUPPLIES` and `CAMERAS` are tables of all laws, supply drivers
-and camera drivers by name, and `LAWS[name] = law` adds a law. The other names are the classes of the results and of the
-errors.
+and camera drivers by name. The other names are the classes of the results and of the errors.
 
 process         tools of the process: errors, signals, workers, files
 showing         the style of figures and tables
@@ -123,7 +122,7 @@ __all__ = sorted([*_HOMES, "__version__"])
 if not TYPE_CHECKING:  # a type checker shall know the names above alone
 
     def __getattr__(name: str) -> Any:
-        """Return the object with a public name. Its module is loaded when the name is first used (PEP 562)."""
+        """Return the public object with this name, and load its module if necessary (PEP 562)."""
         value: Any
         if name == "__version__":
             from importlib.metadata import version

@@ -1,7 +1,6 @@
-"""The entry point of `eimi` and of `python -m eimi_lab`.
+"""The entry point of `eimi` and of `python -m eimi_lab`."""
 
-The module imports little, so that Ctrl-C never prints a traceback, even while the program starts.
-"""
+# The module imports little, so that Ctrl-C never prints a traceback, even while the program starts.
 
 import sys
 
@@ -9,7 +8,7 @@ from eimi_lab.process.garbage import collect_seldom
 
 
 def main() -> None:
-    """Import the command line and run it. Ctrl-C during the import ends the program with a message of one line."""
+    """Import the command line and run it."""
     collect_seldom()
     try:
         from eimi_lab.cli import main as command_line

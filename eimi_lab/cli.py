@@ -1,7 +1,4 @@
-"""The command line: read the arguments, run the command, print its result, and exit with a status.
-
-The commands are functions in `eimi_lab.commands`. `GROUPS` lists the commands in the order of `eimi --help`.
-"""
+"""The command line: read the arguments, run the command, print its result, and exit with a status."""
 
 from __future__ import annotations
 
@@ -161,10 +158,7 @@ def _status() -> int:
 
 
 def _help_of_command(error: Exception) -> str:
-    """Return the end of the message about a wrong command line: it tells the user which --help to read.
-
-    For a known command, this is the help of the command; otherwise the list of all commands.
-    """
+    """Return the end of the message about a wrong command line: it tells the user which --help to read."""
     context = getattr(error, "ctx", None)
     if context is None or context.parent is None:
         return "eimi --help lists the commands, eimi COMMAND --help their options"
@@ -172,11 +166,7 @@ def _help_of_command(error: Exception) -> str:
 
 
 def _rejected_value(error: Exception) -> str:
-    """Return ", not VALUE" with the value that an option rejected, as the end of the error message.
-
-    typer puts the value into the message only if typer itself checked it. The result is therefore empty unless pydantic
-    checked the value.
-    """
+    """Return ", not VALUE" with the value that pydantic rejected, for the end of a message; otherwise ""."""
     from pydantic import ValidationError
 
     return f", not {error.__cause__.errors()[0]['input']}" if isinstance(error.__cause__, ValidationError) else ""

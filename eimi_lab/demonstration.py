@@ -1,6 +1,6 @@
-"""Demonstrate the program on the virtual rig: acquire, segment, fit and report, and compare the fits with the true law.
+"""Demonstrate the program: simulate a dataset, find the edges, fit laws, and compare the fits with the true law.
 
-The virtual rig stores the true law in the dataset. The true law is read only after the last fit is written.
+The true law is read only after the last fit is written.
 """
 
 from __future__ import annotations
@@ -37,14 +37,14 @@ Progress = Callable[[str, int], AbstractContextManager[Callable[[str], None]]]
 
 @dataclass(frozen=True)
 class Score:
-    """A fit and the true initial shear modulus of the virtual beam (Pa), with which the fit is compared."""
+    """A fit, and the true initial shear modulus of the virtual beam (Pa)."""
 
     fit: FitRecord
     truth_Pa: float
 
     @property
     def difference_percent(self) -> float:
-        """Deviation of the identified initial shear modulus from the true modulus, per cent of the true modulus."""
+        """Fitted minus true initial shear modulus, per cent of the true modulus."""
         return 100 * (self.fit.initial_shear_modulus.value / self.truth_Pa - 1)
 
 
@@ -52,7 +52,7 @@ class Score:
 class Demonstration:
     """The result of a demonstration: the written files, the true law of the virtual beam, and the fits.
 
-    `true_parameters` are the parameters of the true law by name; the unit of a parameter is part of the name.
+    `true_parameters` are the parameters of the true law, by names that end in the unit.
     """
 
     dataset: Path
@@ -85,14 +85,14 @@ def demonstrate(
     specimen, rig : str
         Names or paths of the specimen and of a virtual rig.
     quick : bool
-        Whether to fit only one law to a few states.
+        Whether to fit only one law to a few load steps.
     seed : int
         Seed of the random numbers of the searches.
     force : bool
         Whether to replace existing files.
     progress : callable
-        Receives a title and the number of steps, and returns a context. The context yields a function that is called
-        after each step.
+        Receives a title and the number of steps, and returns a context manager. The context manager yields a function
+        that is called after each step.
 
     Returns
     -------
@@ -141,9 +141,6 @@ def _acquire(protocol: Protocol, beam: SpecimenFile, rig: Rig, output: Path, for
 
 
 def _cast(beam: SpecimenFile, material: str) -> SpecimenFile:
-    """Return a copy of a specimen with another material.
-
-    The material is also replaced in the TOML text of the specimen, because the dataset stores this text.
-    """
+    """Return a copy of a specimen with another material."""
     text = re.sub(r"(?m)^material = .*$", f'material = "{material}"', beam.text)
     return parse(SpecimenFile, text, f"specimen {beam.specimen.name}")

@@ -39,10 +39,7 @@ def init(
 
 
 def _states_of(folder: Path) -> str:
-    """Return the text of a states.csv for the images in a folder. The user has to fill in the current of each image.
-
-    If the folder contains no images, the table has one example row.
-    """
+    """Return the text of a states.csv (table of load steps) with a row for each image, or with one example row."""
     from eimi_drivers.cameras.image_series import natural_key
     from eimi_lab.vision.image_files import ENDINGS
 

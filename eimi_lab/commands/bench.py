@@ -66,7 +66,7 @@ def instruments(
 
 
 def _list_faults(wanted: bool) -> None:
-    """Print a description of each fault of `eimi emulate --fault` and end the program, if ``wanted`` is True."""
+    """If ``wanted`` is True, print what each fault of `eimi emulate --fault` does, and end the program."""
     if not wanted:
         return
     from eimi_drivers.emulators.faults import Fault

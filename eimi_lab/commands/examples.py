@@ -1,4 +1,4 @@
-"""Examples of each command, which the --help of the command shows at the end."""
+"""The examples at the end of the --help of each command."""
 
 from __future__ import annotations
 
@@ -65,8 +65,5 @@ EXAMPLES = {
 
 
 def in_help(examples: Sequence[str]) -> str:
-    """Return the examples of a command as a text for --help.
-
-    The control character at the beginning keeps typer from joining the lines of the text.
-    """
+    """Return the examples of a command as a text for --help."""
     return "\b\n" + "\n".join(["Examples:", *(f"  {example}" for example in examples)])

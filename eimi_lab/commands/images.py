@@ -170,10 +170,10 @@ def import_(
 
 @dataclass(frozen=True)
 class _Tables:
-    """The paths and the specimen of an import of load steps.
+    """The input of an import of load steps.
 
-    `source` contains the images, `states` is the table of states (states.csv), `beam` is the content of specimen.toml,
-    and `output` is the dataset. `force` is true if an existing dataset is replaced.
+    `source` contains the images, `states` is the table of load steps (states.csv), `beam` is the content of
+    specimen.toml, and `output` is the dataset. `force` tells whether an existing dataset is replaced.
     """
 
     source: Path
@@ -227,11 +227,7 @@ def _import_tracks(
 
 
 def _check_source(source: Path, states: Path | None) -> None:
-    """Raise InputError if the source of an import cannot be imported.
-
-    This is so if the source does not exist, is a dataset or a TOML file, or is also the file of the option ``--states``
-    (``states``).
-    """
+    """Raise InputError if the source of an import does not exist, is a dataset, a TOML file or the file `states`."""
     if not source.exists():
         raise InputError(f"{source}: no such file or folder; give a folder of images, an image, a video or points.csv")
     if states is not None and states.exists() and source.samefile(states):

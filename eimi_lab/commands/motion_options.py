@@ -20,10 +20,7 @@ _NOT_NEGATIVE = ("hanging", "removed")
 
 @dataclass(frozen=True)
 class MotionOptions(PictureOptions):
-    """Options of `eimi import` for a motion of the beam: facts that the recording itself does not contain.
-
-    A motion is a ring-down (the beam swings freely) or creep under a constant load.
-    """
+    """Options of `eimi import` for a ring-down (free vibration of the beam) or creep under a constant load."""
 
     ring_down: Annotated[
         bool, typer.Option("--ring-down", help="SOURCE shows a beam that swings freely after a flick or a release")
@@ -80,8 +77,7 @@ class MotionOptions(PictureOptions):
         Raises
         ------
         InputError
-            If an option for a motion is given without --ring-down or --creep, or if the value of an option is
-            impossible.
+            If the options contradict each other, or if a value is impossible.
         """
         from eimi_lab.dataset.moving.motion_facts import MotionFacts
 

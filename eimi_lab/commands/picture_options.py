@@ -14,10 +14,7 @@ from eimi_lab.process.errors import InputError
 
 @dataclass(frozen=True)
 class PictureOptions:
-    """Options on the position and the appearance of the beam in images.
-
-    The dataset stores the values of these options with the calibration.
-    """
+    """Options on the position and the appearance of the beam in images."""
 
     clamp: Annotated[
         str | None, typer.Option(metavar="X,Y", help="middle of the line at which the beam leaves the clamp, in px")
@@ -62,8 +59,6 @@ class PictureOptions:
 
     def changes(self) -> dict[str, Any]:
         """Return the calibration values that the user gave with these options, by their keys in calibration.toml.
-
-        Options that were not given are left out. `eimi_lab.config.calibration.Changes` lists the keys.
 
         Raises
         ------
@@ -112,7 +107,7 @@ def ask_where(
 ) -> InputError:
     """Return an error that asks the user to read the position or the direction of the beam from an image.
 
-    The image is written next to the dataset. It shows the first picture, with rulers in pixels at its sides.
+    The first image is written next to the dataset, with rulers in pixels.
 
     Parameters
     ----------
@@ -123,19 +118,19 @@ def ask_where(
     calibration : str
         Name of the calibration file, for the message.
     output : Path
-        The dataset that the command will write. The image is written to the same folder.
+        The dataset that the command will write.
     every : int or None
         The number n if only every n-th frame of a video is imported; otherwise None.
 
     Returns
     -------
     InputError
-        The error. This function does not raise it; the caller does.
+        The error, which the caller raises.
 
     Raises
     ------
     InputError
-        If the images cannot be listed or read, or if the image with rulers cannot be written.
+        If the images cannot be read, or if the image with rulers cannot be written.
     """
     import cv2
 

@@ -1,4 +1,4 @@
-"""The result of a command, and how it is printed: as text for the user or, with --json, as JSON for a program."""
+"""The result of a command, and how it is printed: as text or, with --json, as JSON."""
 
 from __future__ import annotations
 
@@ -28,10 +28,9 @@ class Result:
     Parameters
     ----------
     lines : sequence of object
-        Lines of text that are printed for the user.
+        Lines of text for the user.
     content : mapping
-        The result for a program, with at least the facts in ``lines``. Values that JSON cannot express, such as paths,
-        are written as text.
+        The result for a program.
     """
 
     lines: Sequence[object]
@@ -39,20 +38,14 @@ class Result:
 
 
 def _reachable(argument: Any) -> Any:
-    """Return an argument of a command, with each path in a form that Windows can open even if the path is long.
-
-    The argument may be a path or a list that contains paths. Any other value is returned unchanged.
-    """
+    """Return an argument of a command; a path, alone or in a list, is changed so that Windows can open it."""
     if isinstance(argument, Path):
         return reachable(argument)
     return [_reachable(item) for item in argument] if isinstance(argument, list) else argument
 
 
 def printing(command: Callable[..., Result]) -> Callable[..., None]:
-    """Return a function for typer that runs ``command`` and prints its result.
-
-    The function has the options of ``command``, and in addition --json and --quiet.
-    """
+    """Return a function for typer that runs ``command``, prints its result, and has the options --json and --quiet."""
     parameters = inspect.signature(command, eval_str=True).parameters.values()
     keyword = inspect.Parameter.KEYWORD_ONLY
     printing_options = [

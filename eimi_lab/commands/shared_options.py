@@ -31,8 +31,7 @@ def with_fields(kind: type) -> Callable[[Callable[..., Result]], Callable[..., R
     Parameters
     ----------
     kind : type
-        The dataclass. The decorated function has a parameter ``options``, and receives an instance of this class whose
-        fields have the values of the options.
+        The dataclass. The parameter ``options`` of the command is an instance of this class.
     """
 
     def decorate(command: Callable[..., Result]) -> Callable[..., Result]:

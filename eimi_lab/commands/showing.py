@@ -19,10 +19,7 @@ _DEFAULT_WORKERS = 4  # largest number without --workers, because each process n
 
 
 def print_versions(asked: bool) -> None:
-    """Print the versions of eimi-lab, Python and the most important packages, and end the program.
-
-    If ``asked`` is False, because --version was not given, do nothing.
-    """
+    """If ``asked`` is True, print the versions of eimi-lab, Python and some packages, and end the program."""
     if asked:
         import platform
         from importlib.metadata import version

@@ -45,10 +45,9 @@ class ImportOptions(MotionOptions):
     ] = None
 
     def placing(self, calibration: Calibration | None) -> Placing:
-        """Return the rule by which coordinates of tracked points are converted into the beam frame (mm).
+        """Return the rule that converts coordinates of tracked points into positions in mm (x along the straight beam).
 
-        In the beam frame, x runs along the straight beam from the clamp, and y across the beam. `calibration` is the
-        loaded calibration file; None if --calibration is not given.
+        `calibration` is the loaded calibration file; None without --calibration.
 
         Raises
         ------

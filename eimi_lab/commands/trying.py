@@ -18,12 +18,11 @@ def try_one_supply(driver: str | None, address: str | None, who: str | None, out
     Parameters
     ----------
     driver, address : str or None
-        Driver and address of the supply. If they are None, the only attached supply with a driver is used.
+        Driver and address of the supply; None for the only attached supply.
     who : str or None
         Name of the user, for the report; if None, the program asks.
     output : Path or None
-        File for the report; if None, the name of the file consists of the driver and the date. The transcript is
-        written to the same folder.
+        File for the report; None for a name with the driver and the date.
     yes : bool
         If True, ask no questions.
 
@@ -35,8 +34,7 @@ def try_one_supply(driver: str | None, address: str | None, who: str | None, out
     Raises
     ------
     InputError
-        If no supply is given, and the number of attached supplies with a driver is not one; if questions are necessary
-        but standard input is not a terminal; or if a file exists already.
+        If it is not clear which supply to test, if there is no terminal for the questions, or if a file exists already.
     """
     from eimi_lab.acquisition.supply_trial import ON_FOR_S, VOLTAGE_V, try_supply
     from eimi_lab.acquisition.trial_form import trial_form
@@ -85,10 +83,7 @@ def try_one_supply(driver: str | None, address: str | None, who: str | None, out
 
 
 def _only_supply() -> tuple[str, str]:
-    """Return driver and address of the only attached supply that has a driver.
-
-    Raises InputError if no supply or several supplies with a driver are attached.
-    """
+    """Return driver and address of the only attached supply. Raises InputError if there are none or several."""
     from eimi_drivers.discovery import discover
     from eimi_drivers.supplies.supply_names import SUPPLIES
 

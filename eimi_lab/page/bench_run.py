@@ -3,7 +3,7 @@
 The run is `eimi acquire` in a separate process.
 """
 
-# The run is `eimi acquire` in a separate process. When the page ends, the run ends with its coil off.
+# When the page ends, the run ends with its coil off.
 #
 # STOP sends two signals to the run. The run reacts to a signal even while it waits for a frame or a message. After the
 # second signal it switches the coil off without a ramp. If no event confirms within some seconds that the coil is off,

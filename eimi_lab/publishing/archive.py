@@ -50,9 +50,7 @@ def publish(
     licence: str | None = None,
     force: bool = False,
 ) -> Publication:
-    """Write datasets, results and other files into an archive, and check the size and the hash of every file in it.
-
-    The archive is an RO-Crate 1.1 in a zip file.
+    """Write datasets, results and other files into an archive (RO-Crate 1.1 in a zip file), and check the archive.
 
     Parameters
     ----------
@@ -77,9 +75,9 @@ def publish(
     Raises
     ------
     InputError
-        If a file does not exist, cannot be read or is a dataset that is still being written; if two files have the same
-        path in the archive; if the name of the archive has another ending; or if the licence is neither an SPDX
-        identifier nor a URL.
+        If a file cannot be read, is a dataset that is still being written, or has the same path in the archive as
+        another
+        file; or if the ending of the name or the licence is wrong.
     OSError
         If a file changed while the archive was written, or if the disk is full.
     """
@@ -121,7 +119,7 @@ def _is_packed(place: PurePosixPath) -> bool:
 
 
 def check(path: Path) -> int:
-    """Compare the size and the hash of every file in an archive with its description, and return the number of files.
+    """Check the size and the hash of every file in an archive, and return the number of files.
 
     Parameters
     ----------
@@ -131,7 +129,7 @@ def check(path: Path) -> int:
     Raises
     ------
     OSError
-        If a file is missing, is not described, or has another size or hash than its description gives.
+        If a file is missing or not described, or if its size or hash is wrong.
     """
     with zipfile.ZipFile(path) as archive:
         (root,) = {name.split("/")[0] for name in archive.namelist()}

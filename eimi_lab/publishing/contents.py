@@ -41,21 +41,21 @@ class PublishedFile:
     Parameters
     ----------
     place
-        Path in the archive, relative to the root of the archive, with "/" between folders.
+        Path in the archive, with "/" between folders.
     source
         The file on the disk; None for a TOML text from a dataset.
     kind
-        "dataset", "fits" for a result file, "text of a dataset" for a TOML text that a dataset contains, or "other".
+        "dataset", "fits" for a result file, "text of a dataset" for a TOML text from a dataset, or "other".
     size_bytes, sha256
         Size and SHA-256 hash of the content.
     changed
-        Time of the last change in ISO 8601; for a dataset and its texts, the start of the run.
+        Time of the last change, or start of the run, in ISO 8601.
     about
         One sentence that describes the content.
     text
         The content of a TOML text from a dataset.
     fits
-        The fits, if the file is a result file.
+        The fits of a result file.
     """
 
     place: PurePosixPath
@@ -81,8 +81,7 @@ def gather(runs: Sequence[Path]) -> tuple[PublishedFile, ...]:
     Parameters
     ----------
     runs
-        Datasets, results and other files, or folders that contain such files. A folder becomes a folder of the archive.
-        Hidden files in a folder are left out.
+        Datasets, results and other files, or folders that contain such files. Hidden files in a folder are left out.
 
     Raises
     ------
@@ -101,7 +100,7 @@ def gather(runs: Sequence[Path]) -> tuple[PublishedFile, ...]:
 
 
 def _files_of(run: Path) -> Iterator[tuple[Path, PurePosixPath]]:
-    """Yield the files of a run with their paths in the archive. `run` is a file or a folder."""
+    """Yield the files of a run (a file or a folder) with their paths in the archive."""
     if run.is_file():
         yield run, PurePosixPath(run.name)
         return
@@ -116,7 +115,7 @@ def _files_of(run: Path) -> Iterator[tuple[Path, PurePosixPath]]:
 
 
 def _described(source: Path, place: PurePosixPath) -> Iterator[PublishedFile]:
-    """Yield a file for the archive with its description. For a dataset, also yield the TOML texts that it contains."""
+    """Yield a file with its description and, for a dataset, the TOML texts in it."""
     try:
         with source.open("rb") as opened:
             sha256 = hashlib.file_digest(opened, "sha256").hexdigest()
@@ -134,7 +133,7 @@ def _described(source: Path, place: PurePosixPath) -> Iterator[PublishedFile]:
 
 
 def _fits_of(source: Path) -> tuple[FitRecord | TensileRecord | RingDownRecord, ...]:
-    """Return the fits of a result file. The result is empty if the file is not a result file."""
+    """Return the fits of a result file; empty for any other file."""
     if source.suffix.lower() != ".json":
         return ()
     try:
@@ -173,10 +172,7 @@ def _dataset(source: Path, place: PurePosixPath, size_bytes: int, sha256: str) -
 
 
 def without_dataset(files: Sequence[PublishedFile]) -> tuple[str, ...]:
-    """Return one line for each fit whose dataset is not in the archive.
-
-    A changed dataset counts as a different dataset.
-    """
+    """Return one line for each fit whose dataset is not in the archive."""
     published = {file.sha256 for file in files if file.kind == "dataset"}
     lines: dict[str, None] = {}
     for file in files:

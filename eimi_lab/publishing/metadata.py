@@ -52,7 +52,7 @@ def metadata(files: Sequence[PublishedFile], title: str, people: People | None, 
     title
         Name of the archive.
     people
-        The authors; None if they are not known.
+        The authors; None if unknown.
     licence
         SPDX identifier or URL; None without a licence.
 
@@ -111,7 +111,7 @@ def _id(place: PurePosixPath) -> str:
 
 
 def _summary(files: Sequence[PublishedFile]) -> str:
-    """Return one sentence with the number of datasets, the number of fits and the number of files."""
+    """Return one sentence with the numbers of datasets, fits and files."""
     runs = sum(file.kind == "dataset" for file in files)
     fits = sum(len(file.fits) for file in files)
     return (
@@ -156,10 +156,9 @@ def _folders(files: Sequence[PublishedFile]) -> dict[PurePosixPath, Node]:
 
 
 def _nest(root: Node, folders: dict[PurePosixPath, Node], files: Sequence[PublishedFile]) -> None:
-    """Add each file and each folder to the list `hasPart` in the JSON object of the folder that contains it.
+    """Add each file and each folder to the list `hasPart` of the folder that contains it.
 
-    `root` is the JSON object of the whole archive, and `folders` contains the JSON objects of the folders by their
-    paths.
+    `root` describes the whole archive, and `folders` describes the folders, by path.
     """
     places = {**folders, **{file.place: {"@id": _id(file.place)} for file in files}}
     for place, node in places.items():
@@ -208,10 +207,7 @@ def _modulus(file: PublishedFile, number: int, fit: FitRecord | TensileRecord | 
 
 
 def _action(file: PublishedFile, files: Sequence[PublishedFile]) -> list[Node]:
-    """Return a list with the JSON object that describes the computation of a result file; empty for any other file.
-
-    The object gives the datasets of the fits and the versions of the programs.
-    """
+    """Return a list with the JSON object that describes the computation of a result file; empty for any other file."""
     if not file.fits:
         return []
     hashes = {d.sha256 for fit in file.fits if isinstance(fit, FitRecord) for d in fit.datasets}

@@ -1,4 +1,4 @@
-"""The references that a user of eimi-lab should cite. CITATION.cff contains the same references."""
+"""The references that a user of eimi-lab should cite."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The fits and datasets of a report, as its panels receive them. A panel is one section of the report."""
+"""The fits and datasets of a report."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from eimi_lab.reporting.shown import ShownFit
 
 @dataclass(frozen=True)
 class DatasetContents:
-    """One open dataset of a report, with its prediction (simulation) by each fit of the report.
+    """A dataset of a report, with its simulations.
 
     Attributes
     ----------
     dataset : Dataset
         The open dataset file.
     evidence : Evidence
-        The loads and the measured edges or tracked points of the states that are compared with simulations.
+        The loads, and the measured edges or tracked points.
     predictions : sequence of Prediction
-        One prediction for each fit of the report, in the order of the fits.
+        The simulation of the dataset with each fit of the report.
     name : str
-        Name of the file, with as many of its folders as are needed to distinguish it from the other datasets.
+        Short name of the file, which no other dataset of the report has.
     leading : ShownFit, optional
-        The fit that represents the dataset in figures with only one fit.
+        The fit for figures with only one fit.
     """
 
     dataset: Dataset
@@ -43,7 +43,7 @@ class DatasetContents:
 
     @property
     def simulated(self) -> list[Prediction[ShownFit]]:
-        """Return the predictions (simulations of the dataset with fitted laws) in which the beam has an equilibrium."""
+        """Return the simulations of the dataset in which the beam has an equilibrium."""
         return [prediction for prediction in self.predictions if prediction.has_equilibrium]
 
     @property
@@ -52,16 +52,15 @@ class DatasetContents:
         return [prediction.validation for prediction in self.predictions]
 
     def simulated_by(self, shown: ShownFit | None) -> Prediction[ShownFit] | None:
-        """Return the simulation of the dataset with this fit; None if the beam has no equilibrium with the fit."""
+        """Return the simulation of the dataset with a fit; None if the simulated beam has no equilibrium."""
         return next((prediction for prediction in self.simulated if prediction.fitted_law == shown), None)
 
     @property
     def best(self) -> Prediction[ShownFit] | None:
-        """Return the simulation of the dataset for figures that show only one fit.
+        """Return the simulation for figures with only one fit; None if no fit gives an equilibrium of the beam.
 
-        This is the simulation by the leading fit, which represents the dataset in such figures. If the beam has no
-        equilibrium with the leading fit, it is the simulation with the smallest mean error; None if the beam has no
-        equilibrium with any fit.
+        This is the simulation with the fit `leading` or, if it has no equilibrium, the simulation with the smallest
+        mean error.
         """
         return self.simulated_by(self.leading) or min(
             self.simulated, key=lambda prediction: float(prediction.error_mm.mean()), default=None
@@ -70,7 +69,7 @@ class DatasetContents:
 
 @dataclass(frozen=True)
 class ReportContents:
-    """The contents of a report: fits, datasets, date, command line (may be empty), and viscoelastic (Prony) laws."""
+    """The fits, datasets, date, command line and viscoelastic (Prony) laws of a report."""
 
     fits: tuple[ShownFit, ...]
     datasets: tuple[DatasetContents, ...]
@@ -90,10 +89,7 @@ class ReportContents:
 
 
 def short_names(paths: Sequence[Path]) -> list[str]:
-    """Return a short name for each path, so that all names differ.
-
-    A name consists of the file name, if necessary with the last folders of the path. All names have the same number of
-    folders.
+    """Return a different short name for each path: the file name, if necessary with its last folders.
 
     Examples
     --------

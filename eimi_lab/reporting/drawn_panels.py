@@ -1,8 +1,4 @@
-"""Draw each panel of a report as soon as its contents are available.
-
-The order is: panels of the fits, panels of each dataset, panels of all datasets, panels that need the 95 % intervals of
-the errors. Panels are thus drawn while the workers still simulate. A panel is one section of the report.
-"""
+"""Draw each panel (section) of a report as soon as its contents are available."""
 
 from __future__ import annotations
 
@@ -20,10 +16,7 @@ Values = Mapping[str, Any] | None
 
 
 class DrawnPanels:
-    """The panels of a report that were drawn, with the values for their templates. Each panel is drawn once.
-
-    A panel is one section of the report.
-    """
+    """The drawn panels (sections) of a report, with the values for their templates."""
 
     def __init__(self) -> None:
         self._report: dict[ReportPanel, Values] = {}
@@ -38,38 +31,34 @@ class DrawnPanels:
         return [panel for panel in self._panels if isinstance(panel, ReportPanel)]
 
     def fits(self, report: ReportContents) -> None:
-        """Draw the panels (sections) of a report that need only the fits."""
+        """Draw the panels (sections of the report) that need only the fits."""
         self._draw(report, [panel for panel in self._of_report if panel.of_fits])
 
     def dataset(self, shown: DatasetContents) -> None:
-        """Draw the panels (sections) of one dataset of a report."""
+        """Draw the panels (sections of the report) that show only this dataset."""
         self._datasets[shown.name] = [
             (panel, _drawn(panel, shown)) for panel in self._panels if isinstance(panel, DatasetPanel)
         ]
 
     def datasets(self, report: ReportContents) -> None:
-        """Draw the panels (sections) of a report for which the 95 % intervals of the errors need not be computed."""
+        """Draw the panels (sections) of a report that do not show 95 % intervals of the errors."""
         self._draw(report, [panel for panel in self._of_report if not panel.of_intervals])
 
     def report(self, report: ReportContents) -> None:
-        """Draw the panels (sections) of a report that were not drawn before."""
+        """Draw the panels (sections) of a report that are not drawn yet."""
         self._draw(report, self._of_report)
 
     def summary(self) -> list[tuple[AnyPanel, Values]]:
-        """Return the panels (sections) of the first pages of a report with the values for their templates, in order."""
+        """Return the panels (sections) of the first pages with the values for their templates."""
         return [(panel, self._report[panel]) for panel in self._of_report if panel.summary]
 
     def of_report(self, *, after_datasets: bool) -> list[tuple[AnyPanel, Values]]:
-        """Return the panels (sections) of the appendix that do not belong to a single dataset, in order.
-
-        If `after_datasets` is true, these are the panels that follow the panels of the datasets, otherwise the panels
-        before them. Each panel is returned with the values for its template.
-        """
+        """Return the panels (sections) that stand before or after the panels of the datasets, with their values."""
         panels = [panel for panel in self._of_report if panel.after_datasets == after_datasets and not panel.summary]
         return [(panel, self._report[panel]) for panel in panels]
 
     def of_dataset(self, shown: DatasetContents) -> list[tuple[AnyPanel, Values]]:
-        """Return the panels (sections) of a dataset with the values for their templates, in the order of the report."""
+        """Return the panels (sections) that show a dataset, with the values for their templates."""
         return self._datasets[shown.name]
 
     def _draw(self, report: ReportContents, panels: Sequence[ReportPanel]) -> None:
@@ -78,7 +67,7 @@ class DrawnPanels:
 
 
 def _drawn(panel: AnyPanel, contents: Any) -> Values:
-    """Return the values for the template of a panel (section), with all pictures encoded for the page."""
+    """Return the values for the template of a panel (section of a report), with encoded pictures."""
     from eimi_lab.showing.drawing import styled
 
     values: Values = styled(panel.values)(contents)

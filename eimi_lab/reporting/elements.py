@@ -1,4 +1,4 @@
-"""Number the figures and tables of a report, and write the figures and tables as HTML and as separate files."""
+"""Number the figures and tables of a report, and write them as HTML and as separate files."""
 
 from __future__ import annotations
 
@@ -32,18 +32,17 @@ class Picture:
     Attributes
     ----------
     name : str
-        Name of the figure's files, without number and ending.
+        Name of the files of the figure, without number and ending.
     figure : matplotlib Figure
         The figure itself.
     alternative : str
-        Alternative text for readers who cannot see the figure.
+        Text for readers who cannot see the figure.
     caption : str or Markup
-        The text below or beside the figure.
+        Caption of the figure.
     photograph : bool
-        Whether the figure contains frames. A figure with frames is embedded as pixels, any other figure as SVG.
+        Whether the figure contains photographs and is therefore stored as pixels.
     of_half_width : bool
-        Whether the figure stands in one of two columns, with its caption below it. Any other narrow figure has its
-        caption beside it.
+        Whether the figure stands in one of two columns.
     """
 
     name: str
@@ -67,7 +66,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Cell:
-    """One line of text in a cell of a table, with a mark for the reader.
+    """A line of text in a table cell.
 
     `mark` is "best" for the smallest error of a column, "held" for a value that the data do not determine, or empty.
     """
@@ -81,7 +80,7 @@ AnyCell = str | Cell | tuple[str | Cell, ...]
 
 @dataclass(frozen=True)
 class Table:
-    """A table of the report. A cell with several lines is a tuple of lines. The notes are printed below the table."""
+    """A table of the report. A cell with several lines is a tuple of lines."""
 
     name: str
     caption: str | Markup
@@ -90,18 +89,15 @@ class Table:
     notes: Sequence[str | Markup] = ()
 
     def texts(self) -> list[list[str]]:
-        """Return the rows of a table as plain text.
-
-        A value that the data do not determine (with the mark "held") is followed by "(not measured)".
-        """
+        """Return the rows of the table as plain text."""
         return [[_text(cell) for cell in row] for row in self.rows]
 
     def to_csv(self) -> str:
-        """Return a table as CSV; the first line holds the column names."""
+        """Return the table as CSV; the first line contains the column names."""
         return csv_text([self.head, *self.texts()])
 
     def to_latex(self) -> str:
-        """Return a table as a LaTeX `tabular`, with the horizontal rules of the package booktabs."""
+        """Return the table as a LaTeX `tabular` for the package booktabs."""
         rows = [" & ".join(_latex(text) for text in row) + r" \\" for row in [list(self.head), *self.texts()]]
         rules = [rf"\begin{{tabular}}{{{'l' * len(self.head)}}}", r"\toprule", rows[0], r"\midrule", *rows[1:]]
         return "\n".join([f"% {' '.join(str(self.caption).split())}", *rules, r"\bottomrule", r"\end{tabular}", ""])
@@ -115,7 +111,7 @@ class Elements:
     tables: list[Table] = field(default_factory=list)
 
     def figure(self, picture: Picture) -> Markup:
-        """Add a picture as the next numbered figure of the page, and return its HTML."""
+        """Add a figure to the page, and return its HTML."""
         self.pictures.append(picture)
         number = len(self.pictures)
         source = picture.embedded
@@ -135,7 +131,7 @@ class Elements:
         )
 
     def table(self, table: Table) -> Markup:
-        """Add a table as the next numbered table of the page, and return its HTML."""
+        """Add a table to the page, and return its HTML."""
         self.tables.append(table)
         head = Markup("").join(Markup('<th scope="col">{}</th>').format(name) for name in table.head)
         rows = Markup("").join(
@@ -170,10 +166,7 @@ def _lines(cell: AnyCell) -> list[Cell]:
 
 
 def _cell(cell: AnyCell) -> Markup:
-    """Return a cell of a table as HTML.
-
-    CSS classes mark a cell with the best value, with a long word, or with only short lines.
-    """
+    """Return a table cell as HTML."""
     lines = _lines(cell)
     shown = Markup("<br>").join(_line(line, unbroken=len(lines) > 1 and len(line.text) <= _LINE) for line in lines)
     longest = max((len(word) for line in lines for word in line.text.split()), default=0)
@@ -184,10 +177,7 @@ def _cell(cell: AnyCell) -> Markup:
 
 
 def _line(line: Cell, unbroken: bool) -> Markup:
-    """Return one line of a cell as HTML, with a mark for a value that the data do not determine.
-
-    A browser does not break the line if `unbroken` is true.
-    """
+    """Return a line of a table cell as HTML. If `unbroken` is true, the browser does not wrap the line."""
     shown = escape(line.text)
     if line.mark == "held":
         shown = Markup('{} <span class="held">not measured</span>').format(line.text)

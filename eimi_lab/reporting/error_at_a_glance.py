@@ -1,7 +1,6 @@
-"""Draw, for the first pages, the error of the leading fit of each dataset against the field.
+"""Draw the error of a fit against the magnetic field, for every dataset of a report.
 
-The leading fit represents the dataset in figures with only one fit. The error of a state is the root mean square of the
-distances between measured and simulated points.
+The error of a load step is the root mean square distance between measured and simulated points.
 """
 
 from __future__ import annotations
@@ -22,11 +21,11 @@ _MOST = len(MARKERS)  # largest number of datasets in the figure
 
 
 def drawn_at_a_glance(leading: Sequence[tuple[DatasetContents, Prediction[ShownFit]]]) -> Drawing:
-    """Draw the error of each state against the field, with a line for each dataset.
+    """Draw the error at each load step against the magnetic field, with a line for each dataset.
 
-    `leading` has, for each dataset, its simulation by the leading fit: the fit that figures with only one fit show. The
-    error is the root mean square of the distances between measured points and simulated edges. A band shows ± one
-    standard deviation of the distances in each state.
+    `leading` contains pairs of a dataset and its simulation. The error is the root mean square distance between
+    measured
+    points and simulated edges.
     """
     drawing = Drawing(2.3, WIDTH_IN)
     axes = drawing.subplots()
@@ -51,7 +50,7 @@ def drawn_at_a_glance(leading: Sequence[tuple[DatasetContents, Prediction[ShownF
 
 
 def error_at_a_glance(report: ReportContents) -> Picture | None:
-    """Return the figure of the errors on the first pages, with its caption; None if no fit was simulated."""
+    """Return the figure of the errors against the magnetic field; None if no fit was simulated."""
     leading = [(contents, contents.best) for contents in report.datasets if contents.best is not None][:_MOST]
     if not leading:
         return None

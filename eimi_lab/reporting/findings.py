@@ -1,4 +1,4 @@
-"""The findings of a report: the modulus, its interval, the largest sources of uncertainty, and the reliability."""
+"""The results of a report in words: the modulus, its interval, the main sources of uncertainty, and the reliability."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _ALIKE = 2.0  # laws within this difference of AICc have substantial support (Bu
 
 @dataclass(frozen=True)
 class Verdict:
-    """A question that a reader asks about a result, a short answer, and sentences that explain the answer (`words`)."""
+    """A question about a result, a short answer, and sentences that explain the answer (`words`)."""
 
     question: str
     answer: str
@@ -35,22 +35,22 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Finding:
-    """The result of a fit to one or several datasets, in words.
+    """The result of a fit in words.
 
     Attributes
     ----------
     shown : ShownFit
         The best fit to the data.
     subject : str
-        The material and the specimen of the datasets.
+        The material and the specimen.
     value, interval : str
         The initial shear modulus and its 95 % interval.
     doubt : str
-        The reasons to distrust the fit, in brackets; empty if there are none.
+        The reasons to distrust the fit; empty if there are none.
     how : str
         The law, and the data to which it was fitted.
     limit : str
-        Sentences on the largest contributions to the interval.
+        The largest contributions to the interval.
     verdicts : tuple of Verdict
         Questions about the result, with answers.
     """
@@ -66,9 +66,9 @@ class Finding:
 
 
 def findings(report: ReportContents) -> list[Finding]:
-    """Return one finding for each set of datasets that were fitted together.
+    """Return the results of the best fits in words, one for each group of datasets that were fitted together.
 
-    Without bending fits, return one finding for each tensile test. A finding is the result of a fit in words.
+    If no fit has a bent beam, return one result for each tensile test.
     """
     groups: dict[tuple[str, ...], list[ShownFit]] = {}
     for shown in report.bending or report.tensile:
@@ -79,7 +79,7 @@ def findings(report: ReportContents) -> list[Finding]:
 
 
 def truth_of(contents: DatasetContents) -> tuple[str, dict[str, float], float] | None:
-    """Return the true material of a dataset from the virtual (simulated) rig; None for a dataset from a real rig.
+    """Return the true material of a simulated dataset; None for a measured dataset.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ def _how(fit: FitRecord) -> str:
 
 
 def scatter_of(datasets: Sequence[DatasetContents]) -> str:
-    """Return a name for the noise of the measurement, such as `scatter of the edges`, for use in a sentence."""
+    """Return a name for the noise of the measurement, such as `scatter of the edges`."""
     what = {"frames": "edges", "points": "tracked points"}
     kinds = [words for kind, words in what.items() if any(c.dataset.kind == kind for c in datasets)]
     return f"scatter of the {' and '.join(kinds) or 'measurements'}"
@@ -192,7 +192,7 @@ def _on_unseen_specimens(
 ) -> Iterator[Validation]:
     """Yield the errors of a fit on each dataset of the report whose specimen was not used for the fit.
 
-    The errors are distances between measured and simulated points. `fitted_to` contains the datasets of the fit.
+    `fitted_to` contains the datasets of the fit.
     """
     fitted_specimens = {contents.dataset.specimen.specimen.name for contents in fitted_to}
     for contents in report.datasets:
@@ -201,10 +201,7 @@ def _on_unseen_specimens(
 
 
 def _next(fit: FitRecord) -> Verdict:
-    """Return the answer to the question what to measure better next, with the interval that this would give.
-
-    If the files give no uncertainty of any input, the answer is "not known".
-    """
+    """Return what to measure better next, and the 95 % interval that would result."""
     if not fit.budget and fit.taken_as_exact:
         return Verdict(
             _NEXT,
@@ -231,11 +228,7 @@ def _next(fit: FitRecord) -> Verdict:
 
 
 def _noise(shown: ShownFit, fitted_to: Sequence[DatasetContents]) -> Verdict | None:
-    """Return the verdict on whether the residuals of a fit look like noise in all datasets; None without edges.
-
-    For one dataset, the verdict contains the results of the test. For several datasets, it contains for each dataset
-    only the answer and the sizes of the residuals, and the results of the tests are in the appendix.
-    """
+    """Return whether the residuals of a fit look like noise in all datasets; None without edges."""
     simulated = ((contents.name, contents.simulated_by(shown)) for contents in fitted_to)
     tested = [(name, noise) for name, one in simulated if one and (noise := residual_noise(one))]
     if not tested:
@@ -287,11 +280,7 @@ def _reach(fit: FitRecord | TensileRecord) -> Verdict:
 
 
 def _truths(fit: FitRecord, fitted_to: Sequence[DatasetContents]) -> Iterator[Verdict]:
-    """Yield verdicts that compare the modulus of a fit with the true modulus, one for each true material.
-
-    Only datasets of a virtual (simulated) rig contain a true material. Datasets with the same true material share one
-    verdict, which names all of them.
-    """
+    """Yield comparisons of the fitted modulus with the true modulus, for simulated datasets."""
     truths = [(contents.name, truth) for contents in fitted_to if (truth := truth_of(contents))]
     for place, (_, truth) in enumerate(truths):
         if truth not in [other for _, other in truths[:place]]:

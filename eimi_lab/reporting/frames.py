@@ -1,4 +1,4 @@
-"""Cut the frames of a dataset to the region that the beam reaches, and choose states (load steps) to show."""
+"""Cut the images of a dataset to the region of the beam, and choose load steps to show."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _MARGIN = 0.06  # around the region that the beam reaches, as a fraction of the 
 
 @dataclass(frozen=True)
 class Crop:
-    """A rectangle of the frames, in pixels. It contains the beam in every state (load step)."""
+    """A rectangle of the images, in pixels, that contains the beam at every load step."""
 
     left: int
     top: int
@@ -34,10 +34,9 @@ class Crop:
         return (self.bottom - self.top) / (self.right - self.left)
 
     def of(self, image: NDArray[Any]) -> NDArray[Any]:
-        """Return the part of an image in the rectangle, scaled for matplotlib.
+        """Return the part of an image in the rectangle, with brightness from 0 to 1.
 
-        The result has H rows and W columns. It holds grey levels from 0 to 1, shape (H, W), or red, green and blue from
-        0 to 1, shape (H, W, 3).
+        The result of H by W pixels has the shape (H, W) if it is grey, or (H, W, 3) if it has three colours.
         """
         cut = image[self.top : self.bottom, self.left : self.right]
         scaled = cut / (np.iinfo(cut.dtype).max if cut.dtype.kind in "ui" and cut.dtype.itemsize > 1 else 255)
@@ -46,27 +45,17 @@ class Crop:
         return np.asarray(np.clip(scaled[..., ::-1] if cut.ndim == 3 else scaled, 0, 1))
 
     def places(self, points_px: Array) -> Array:
-        """Convert n points from pixels of the whole frame to pixels of this rectangle, a part of the frame.
-
-        Argument and result have the shape (n, 2); the second axis holds x (to the right) and y (down).
-        """
+        """Convert n points, shape (n, 2), from pixels (x, y) of the image to pixels of this rectangle."""
         return np.asarray(points_px - [self.left, self.top])
 
 
 def frame_of(contents: DatasetContents) -> BeamFrame:
-    """Return the conversion from millimetres in the beam frame to pixels for a dataset.
-
-    In the beam frame, x runs along the straight beam from the clamp, and y across the beam.
-    Raises ValueError for tracked points.
-    """
+    """Return the conversion from positions on the beam (mm) to pixels. Raises ValueError for tracked points."""
     return BeamFrame(_calibration_of(contents))
 
 
 def crop_of(contents: DatasetContents) -> Crop:
-    """Return the rectangle around the measured edges of all states (load steps).
-
-    The result is the whole frame if no edge was measured.
-    """
+    """Return the rectangle around the measured edges of all load steps, or the whole image without edges."""
     (height, width, *_), _ = contents.dataset.frame_format()
     frame = frame_of(contents)
     edges_mm = [edge.points_mm for pair in contents.dataset.edges() or () for edge in (pair.left, pair.right)]
@@ -80,9 +69,9 @@ def crop_of(contents: DatasetContents) -> Crop:
 
 
 def measured_mm(contents: DatasetContents, k: int) -> list[Array]:
-    """Return the measured points of the left and of the right edge that a fit uses in state k.
+    """Return the measured left and right edge at load step `k` (counted in the fit).
 
-    Each array has the shape (n, 2): x and y of n points in mm in the beam frame.
+    Each edge is an array of n points (x along the straight beam, y across; mm), shape (n, 2).
     """
     observed = contents.evidence.experiment.observed
     if not isinstance(observed, EdgeObservation):
@@ -91,10 +80,9 @@ def measured_mm(contents: DatasetContents, k: int) -> list[Array]:
 
 
 def edges_px(contents: DatasetContents, state: State) -> list[Array]:
-    """Return the left and the right edge of a state, each as x and y of n points in pixels, shape (n, 2).
+    """Return the left and the right edge of the beam at a load step: n points (x, y) in pixels, shape (n, 2).
 
-    The edges are simulated with the best fit. If no fit could simulate the dataset, or if the fits do not use the
-    state, the measured edges are returned.
+    The edges are simulated with the best fit or, without a simulation, measured.
     """
     frame, indices = frame_of(contents), [used.index for used in contents.evidence.states]
     if contents.best is not None and state.index in indices:
@@ -105,17 +93,14 @@ def edges_px(contents: DatasetContents, state: State) -> list[Array]:
 
 
 def some_states(contents: DatasetContents, most: int) -> list[int]:
-    """Choose at most `most` of the states that the fits use, and return their indices among these states.
-
-    The chosen states are evenly spaced in the order of their loads, from the smallest to the largest load.
-    """
+    """Return the indices of at most `most` load steps, evenly spaced from the smallest to the largest load."""
     order = np.argsort(loads(contents), kind="stable")
     rows = np.unique(np.linspace(0, len(order) - 1, min(most, len(order))).round().astype(int))
     return [int(order[row]) for row in rows]
 
 
 def loads(contents: DatasetContents) -> Array:
-    """Return a number for the size of the load in each of the K used states, shape (K,), to put the states in order.
+    """Return a number for the size of the load at each of K load steps, shape (K,).
 
     The number is |field| / (largest |field|) + |tip force| / (largest |tip force|).
     """
@@ -124,7 +109,7 @@ def loads(contents: DatasetContents) -> Array:
 
 
 def load_words(state: State) -> str:
-    """Return the load of a state in words, such as `7.05 mT`; with a force at the tip, such as `7.05 mT, 2 mN`."""
+    """Return a load as text, such as `7.05 mT`; with a force at the tip, such as `7.05 mT, 2 mN`."""
     force = f"{1e3 * state.tip_force_N:.3g} mN" if state.tip_force_N else ""
     field = f"{state.field_mT:.3g} mT" if state.field_mT or not force else ""
     return ", ".join(word for word in (field, force) if word)

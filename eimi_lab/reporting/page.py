@@ -48,7 +48,7 @@ def write_report(
     datasets, fits : sequence of Path
         Datasets and fits files.
     flagged : bool
-        Whether to use states with a flag, which is the name of a defect that a check found.
+        Whether to use load steps in which a check found a defect.
     force : bool
         Whether to overwrite existing files.
     assets : Path, optional
@@ -56,10 +56,10 @@ def write_report(
     command : str
         The command line, which the report quotes.
     executor : callable, optional
-        Starts the workers that share the simulations; without an executor the simulations run in this process.
+        Starts worker processes for the simulations; by default there are none.
     progress : callable
-        Function that is called with a title and the number of steps, and returns a context manager. The context manager
-        provides a function that is called after each step.
+        Receives a title and the number of steps, and returns a context manager. The context manager yields a function
+        that is called after each step.
 
     Raises
     ------
@@ -109,16 +109,13 @@ def write_report(
 
 
 def _has_motions_alone(path: Path) -> bool:
-    """Return whether a dataset holds motions but no states.
-
-    The panel (section) of the viscoelastic (Prony) law shows the motions of such a dataset.
-    """
+    """Return whether a dataset contains motions (vibration or creep) but no load steps at rest."""
     with open_dataset(path) as dataset:
         return not dataset.states
 
 
 def render(report: ReportContents, drawn: DrawnPanels) -> tuple[str, Elements]:
-    """Return the page as HTML, and its numbered figures and tables. Panels (sections) without values are omitted."""
+    """Return the page as HTML, and its numbered figures and tables."""
     elements = Elements()
     environment = _environment(elements)
     drawn.report(report)
@@ -154,7 +151,7 @@ def _title(report: ReportContents) -> str:
 
 
 def _filled(environment: Environment, drawn: Iterable[tuple[AnyPanel, Values]]) -> list[dict[str, str]]:
-    """Return title, anchor and HTML body of each panel (section). Panels without values are omitted."""
+    """Return title, anchor and HTML body of each panel (section of the report), without empty panels."""
     filled = []
     for panel, values in drawn:
         if values is not None:

@@ -1,6 +1,6 @@
-"""The description of a panel (a section of the report): place, title, template, and the function that fills it.
+"""The properties of a panel (a section of the report): place, title, template, and the function that fills it.
 
-Each module of `eimi_lab.reporting.panels` defines one panel, named `PANEL`. There is no other list of the panels.
+Each module of `eimi_lab.reporting.panels` defines one panel, named `PANEL`.
 """
 
 from __future__ import annotations
@@ -17,15 +17,16 @@ from eimi_lab.reporting.contents import DatasetContents, ReportContents
 
 @dataclass(frozen=True, kw_only=True)
 class _Panel:
-    """The fields that all panels (sections) of a report have: place in the report, title and template.
+    """The fields that all panels (sections of a report) have.
 
     Attributes
     ----------
     place : int
         Panels are shown in increasing order of this number.
     title, template : str
-        Jinja templates, filled with the result of `values`. A panel with an empty title has no heading. The filters
-        `figure` (for a Picture) and `table` (for a Table) insert a numbered figure or table.
+        Jinja templates, filled with the result of `values`. The filters `figure` and `table` insert a numbered figure
+        or
+        table.
     """
 
     place: int
@@ -40,16 +41,15 @@ class ReportPanel(_Panel):
     Attributes
     ----------
     values : callable
-        Function that returns the values for the template, or None to omit the panel.
+        Returns the values for the template, or None to omit the panel.
     summary : bool
-        Whether the panel belongs to the first pages, which a reader can read alone; otherwise it is in the appendix.
+        Whether the panel belongs to the first pages; otherwise it is in the appendix.
     after_datasets : bool
-        Whether the panel follows the sections of the datasets; otherwise it precedes these sections.
+        Whether the panel follows the sections of the datasets.
     of_fits : bool
-        Whether the panel needs only the results of the fits. Such a panel is drawn first, while other panels wait for
-        the simulation of each dataset with the fitted laws.
+        Whether the panel needs only the results of the fits.
     of_intervals : bool
-        Whether the panel needs the 95 % intervals of the mean error of each law. These intervals are computed last.
+        Whether the panel needs the 95 % intervals of the mean error of each law.
     """
 
     values: Callable[[ReportContents], Mapping[str, Any] | None]

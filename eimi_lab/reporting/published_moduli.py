@@ -1,10 +1,9 @@
-"""Published moduli of common silicones, for a comparison with the identified modulus.
+"""Published moduli of common silicones, for a comparison with the identified modulus."""
 
-Each modulus is a published number, or is computed from a published number as the field `how` explains. A data sheet
-gives the stress at 100 % strain, that is, at the stretch 2. It is converted to the shear modulus mu of the Neo-Hookean
-material that has the same stress at this stretch: stress = mu (2 - 1/2²). The result is a mean over large strains and
-not an initial modulus.
-"""
+# Each modulus is a published number, or is computed from a published number as the field `how` explains. A data sheet
+# gives the stress at 100 % strain, that is, at the stretch 2. It is converted to the shear modulus mu of the Neo-
+# Hookean material that has the same stress at this stretch: stress = mu (2 - 1/2²). The result is a mean over large
+# strains and not an initial modulus.
 
 from __future__ import annotations
 
@@ -24,7 +23,7 @@ class PublishedModulus:
     material : str
         Name of the product.
     low_Pa, high_Pa : float
-        The ends of the published range of the shear modulus in Pa; both are equal if a single value was published.
+        The ends of the published range of the shear modulus, Pa; equal for a single value.
     how : str
         The published quantity, and how the shear modulus follows from this quantity.
     source : str
@@ -69,8 +68,6 @@ PUBLISHED = (
 
 def published_moduli(material: str) -> list[PublishedModulus]:
     """Return the published moduli of a silicone; empty for an unknown silicone.
-
-    Upper and lower case, spaces, hyphens and a suffix such as `Medium` are ignored.
 
     Examples
     --------

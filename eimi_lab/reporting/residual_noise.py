@@ -12,9 +12,9 @@ from eimi_lab.reporting.shown import ShownFit
 
 @dataclass(frozen=True)
 class ResidualNoise:
-    """The verdict on whether the residuals of a fit look like noise: a short answer, and the reason in sentences.
+    """The result of a test whether the residuals of a fit look like noise: a short answer, and the reason in sentences.
 
-    The residuals consist of a random part and a systematic part, whose sizes (µm) are given as text.
+    The sizes of the random and the systematic part of the residuals (µm) are given as text.
     """
 
     answer: str
@@ -23,10 +23,7 @@ class ResidualNoise:
 
 
 def residual_noise(simulated: Prediction[ShownFit]) -> ResidualNoise | None:
-    """Return the verdict on whether the residuals along the edges look like noise; None for tracked points.
-
-    The residuals are the distances of measured edge points from the simulated edges.
-    """
+    """Test whether the distances of measured from simulated edges look like noise; None for tracked points."""
     if not isinstance(simulated.evidence.experiment.observed, EdgeObservation):
         return None
     tests = randomness_of(1e3 * simulated.residuals_mm)

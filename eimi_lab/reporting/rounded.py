@@ -1,4 +1,4 @@
-"""Format a quantity and its interval, with a suitable unit and with the digits that the interval supports."""
+"""Format a quantity and its interval, with a suitable unit and a suitable number of digits."""
 
 from __future__ import annotations
 
@@ -12,8 +12,6 @@ NO_BREAK = "\N{NO-BREAK SPACE}"
 def format_quantity(quantity: Quantity) -> str:
     """Return a value with its 95 % interval as text; a pressure is given in kPa, MPa or GPa.
 
-    All three numbers are rounded to the second significant digit of half the width of the interval.
-
     Examples
     --------
     >>> format_quantity(Quantity(46390.0, "Pa", (46310.0, 46500.0)))
@@ -26,10 +24,7 @@ def format_quantity(quantity: Quantity) -> str:
 
 
 def value_and_interval(quantity: Quantity) -> tuple[str, str]:
-    """Return a value and its 95 % interval as two texts.
-
-    The interval is given in its unit and in per cent. Numbers are rounded to the second significant digit of half the
-    width of the interval. If the interval is clearly asymmetric about the value, both ends are given in per cent.
+    """Return a value and its 95 % interval, which is also given in per cent, as two texts.
 
     Examples
     --------
@@ -48,21 +43,14 @@ def value_and_interval(quantity: Quantity) -> tuple[str, str]:
 
 
 def _places(scale: float, quantity: Quantity) -> int:
-    """Return the number of decimals with which a quantity, multiplied by `scale`, is written.
-
-    The interval decides: the last decimal is the second significant digit of half the width of the interval.
-    """
+    """Return the number of decimals for a quantity that is multiplied by `scale`."""
     low, high = quantity.interval_95
     half = 0.5 * scale * (high - low)
     return min(max(1 - math.floor(math.log10(half)), 0), 6) if half > 0 else 4
 
 
 def _unit(quantity: Quantity) -> tuple[float, str]:
-    """Return the unit in which a quantity is written: a factor on its value, and the name of the unit.
-
-    A pressure in Pa is written in kPa, MPa or GPa. The value of any other quantity is written unchanged and without its
-    unit: the factor is 1 and the name is empty.
-    """
+    """Return the factor on a value for printing, and its unit: kPa, MPa or GPa; 1 and no unit if it is no pressure."""
     if quantity.unit != "Pa":
         return 1.0, ""
     size = max(map(abs, quantity.interval_95))

@@ -14,15 +14,7 @@ from eimi_lab.reporting.shown import ShownFit, sections_of
 def evidence_for_fits(
     path: Path, fits: Sequence[ShownFit], flagged: bool
 ) -> tuple[Evidence, list[tuple[ShownFit, Evidence]]]:
-    """Read a dataset as evidence (beam model, loads, edges), once for each section assumption that the fits need.
-
-    A section assumption (section) says how the cross-section is modelled. The first section that exists in this list is
-    used for a fit:
-
-    1. the section with which the law was fitted to this dataset;
-    2. the section of all other datasets to which the law was fitted, if they have the same section;
-    3. the section of all bending fits of the report, if they have the same section;
-    4. the section in the specimen file.
+    """Read a dataset once for each section assumption (solid, plane stress, plane strain) that the fits need.
 
     Parameters
     ----------
@@ -31,21 +23,27 @@ def evidence_for_fits(
     fits : sequence of ShownFit
         All fits of the report.
     flagged : bool
-        Whether to use states with a flag, which is the name of a defect that a check found.
+        Whether to use load steps in which a check found a defect.
 
     Returns
     -------
     shared_evidence : Evidence
-        The dataset with the section that all bending fits share or, without such a section, with the section in the
-        specimen file.
+        The dataset with the section assumption that all bending fits share, or else with that of the specimen file.
     evidence_of_fits : list of tuple
-        Pairs of a fit and the evidence with the section of this fit.
+        Pairs of a fit and the dataset with the section assumption of this fit.
 
     Raises
     ------
     InputError
         If the dataset cannot be used.
     """
+    # A section assumption (section) says how the cross-section is modelled. The first section that exists in this list
+    # is used for a fit:
+    #
+    # 1. the section with which the law was fitted to this dataset;
+    # 2. the section of all other datasets to which the law was fitted, if they have the same section;
+    # 3. the section of all bending fits of the report, if they have the same section;
+    # 4. the section in the specimen file.
     sections = {section for shown in fits if isinstance(shown.fit, FitRecord) for section in sections_of(shown.fit)}
     common = sections.pop() if len(sections) == 1 else None
     shared_evidence = load_evidence(path, flagged=flagged, section=check_section(common))
@@ -60,11 +58,9 @@ def evidence_for_fits(
 
 
 def _section_of(shown: ShownFit, sha256: str) -> str | None:
-    """Return the section (model of the cross-section) for the simulation of a dataset; None if the fit leaves it open.
+    """Return the section assumption (such as plane strain) with which a fit is simulated; None if the fit has none.
 
-    If the law was fitted to the dataset with the hash `sha256`, this is the section that the fit assumed for this
-    dataset. For another dataset, it is the section that the fit assumed for all its datasets. None is returned if the
-    fit assumed different sections, or if the fit has no bending data.
+    `sha256` is the hash of the dataset that is simulated.
     """
     if not isinstance(shown.fit, FitRecord):
         return None

@@ -22,18 +22,18 @@ from eimi_lab.showing.palette import LINES, MARKERS, PALETTE
 
 @dataclass(frozen=True, eq=False)
 class ShownFit(FittedLaw):
-    """One fit of a fits file, with its label and its style in figures.
+    """A fit of a report, with its label and its style in figures.
 
     Attributes
     ----------
     comparison : tuple of Choice
-        The comparison of the laws in the same file; empty if the file contains no comparison.
+        The comparison of the laws in the same file; empty without a comparison.
     origin : str
         The data to which the law was fitted, such as `bending` or `tensile 50 %`.
     colour, marker : str
-        Matplotlib colour and marker of the law, the same throughout a report.
+        Matplotlib colour and marker of the law.
     line : str or tuple
-        Matplotlib line style of the kind of data (`origin`), the same throughout a report.
+        Matplotlib line style of the kind of data (`origin`).
     """
 
     fit: FitRecord | TensileRecord = field(compare=False)
@@ -51,8 +51,6 @@ class ShownFit(FittedLaw):
 
 def read_shown(paths: Sequence[Path]) -> tuple[ShownFit, ...]:
     """Read the fits of all files, and give each fit a different label.
-
-    If two fits would have equal labels, the file name, the path or the index is added to the label.
 
     Raises
     ------
@@ -95,11 +93,9 @@ def sections_of(fit: FitRecord) -> tuple[str, ...]:
 
 
 def chosen(group: Sequence[ShownFit]) -> ShownFit:
-    """Return the best fit of a group of fits, which must not be empty.
+    """Return the best of several fits.
 
-    If a file of the group compares several laws, the first such file is used. The result is the fit in this file with
-    the smallest AICc, or with the smallest BIC if there are too few data for AICc. If no file compares laws, the result
-    is the fit with the smallest misfit.
+    It has the smallest AICc (BIC if data are few) or, without a comparison of laws, the smallest misfit.
     """
     for shown in group:
         order = {c.model: (np.inf if c.aicc is None else c.aicc, c.bic) for c in shown.comparison}
@@ -110,11 +106,7 @@ def chosen(group: Sequence[ShownFit]) -> ShownFit:
 
 
 def leading(fits: Sequence[ShownFit], sha256: str) -> ShownFit | None:
-    """Return the fit that represents a dataset in figures with only one fit; None without any fit.
-
-    The result is the best fit to the dataset whose file has the hash ``sha256``. If no law was fitted to this dataset,
-    the result is the best of all bending fits. Without bending fits, the result is the best of all fits.
-    """
+    """Return the best fit to the dataset with the hash ``sha256``, or else the best other fit; None without fits."""
     bending = [shown for shown in fits if isinstance(shown.fit, FitRecord)]
     to_dataset = [s for s in bending if isinstance(s.fit, FitRecord) and sha256 in {d.sha256 for d in s.fit.datasets}]
     group = to_dataset or bending or list(fits)
@@ -126,10 +118,7 @@ def _misfit(shown: ShownFit) -> float:
 
 
 def _styled(shown: ShownFit, law: int, origin: int) -> ShownFit:
-    """Return a copy of a fit with the colour and marker of its law and the line style of its kind of data.
-
-    `law` and `origin` are the numbers of the law and of the kind of data, from 0.
-    """
+    """Return a copy of a fit with the style of law number `law` and of kind of data number `origin`, from 0."""
     return replace(
         shown,
         colour=PALETTE[law % len(PALETTE)],

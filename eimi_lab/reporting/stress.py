@@ -1,15 +1,17 @@
 """Compute stress against strain of each fit in three modes of deformation, and read the tensile tests.
 
-The three modes are uniaxial tension, planar tension and simple shear of an incompressible material. In each mode, the
-deformation depends on one number, the strain e. The logarithmic principal stretches are h_i = r_i h(e), with constant
-ratios r_i whose sum is 0, because the volume is constant. The work done per volume is the strain energy W, so that the
-engineering stress is
-
-    dW/de = h'(e) Σ r_i ∂W/∂h_i
-
-where h' is the derivative of h, and the sum is over the three principal directions i (R. W. Ogden, Non-Linear Elastic
-Deformations, 1984, section 4.3).
+The modes are uniaxial tension, planar tension and simple shear of an incompressible material.
 """
+
+# The three modes are uniaxial tension, planar tension and simple shear of an incompressible material. In each mode, the
+# deformation depends on one number, the strain e. The logarithmic principal stretches are h_i = r_i h(e), with constant
+# ratios r_i whose sum is 0, because the volume is constant. The work done per volume is the strain energy W, so that
+# the engineering stress is
+#
+#     dW/de = h'(e) Σ r_i ∂W/∂h_i
+#
+# where h' is the derivative of h, and the sum is over the three principal directions i (R. W. Ogden, Non-Linear Elastic
+# Deformations, 1984, section 4.3).
 
 from __future__ import annotations
 
@@ -43,8 +45,9 @@ BAND = (
 class Mode:
     """A mode of deformation of an incompressible material: uniaxial tension, planar tension or simple shear.
 
-    The deformation depends on one number, the strain e. The logarithms of the three principal stretches are r_1 h(e),
-    r_2 h(e) and r_3 h(e), with constant ratios r_i and a function h.
+    The logarithms of the three principal stretches are r_1 h(e), r_2 h(e) and r_3 h(e): e is the strain, r_i are
+    constant
+    ratios, and h is a function.
 
     Attributes
     ----------
@@ -55,8 +58,7 @@ class Mode:
     ratios : tuple of float
         The ratios r_1, r_2 and r_3; r_1 is 1.
     log, slope : callable
-        Functions that return h(e), the logarithm of the first principal stretch, and its derivative h'(e), at m strains
-        e, shape (m,).
+        Functions that return h(e) and its derivative h'(e) at m strains e, shape (m,).
     """
 
     words: str
@@ -66,13 +68,13 @@ class Mode:
     slope: Callable[[Array], Array]
 
     def at_stretch(self, stretch: float) -> float:
-        """Return the strain of a mode of deformation at which the largest principal stretch has the value `stretch`."""
+        """Return the strain of the mode of deformation at which the largest principal stretch is `stretch`."""
         return stretch - 1 / stretch if self.strain == "shear" else stretch - 1
 
     def stress_Pa(self, law: Law, parameters: Array, strain: Array) -> Array:
         """Return the engineering stress of a law in Pa at m strains, shape (..., m).
 
-        `parameters`, shape (..., n), holds the n parameters of the law in its last axis; the other axes are kept.
+        `parameters` has the shape (..., n) for the n parameters of the law.
         """
         stretches = np.exp(np.outer(self.log(strain), self.ratios))
         _, gradient, _ = law.principal(np.asarray(parameters)[..., None, :], stretches)
@@ -98,10 +100,10 @@ MODES = (UNIAXIAL, PLANAR, SHEAR)
 
 @dataclass(frozen=True)
 class StressCurve:
-    """The stress of a fit against strain in one mode of deformation, at m strains.
+    """The stress of a fit against strain in one mode of deformation.
 
-    The fields are the strains, shape (m,), the stresses in Pa, shape (m,), and the lower and upper end of the 95 % band
-    of the stresses in Pa, shape (m, 2).
+    The fields are m strains, shape (m,), the stresses in Pa, shape (m,), and the ends of the 95 % intervals of the
+    stresses in Pa, shape (m, 2).
     """
 
     shown: ShownFit
@@ -113,10 +115,7 @@ class StressCurve:
 
 @dataclass(frozen=True)
 class TensilePoints:
-    """The rows of a tensile test in the range of strain of a figure.
-
-    The fields are the strain, shape (m,), and the stress in Pa, shape (m,), for m rows.
-    """
+    """The m points of a tensile test in a range of strain: strain, shape (m,), and stress in Pa, shape (m,)."""
 
     label: str
     strain: Array
@@ -129,29 +128,19 @@ def bending_strain(fits: Sequence[ShownFit]) -> float | None:
 
 
 def largest_strain(fits: Sequence[ShownFit]) -> float:
-    """Return the strain at which the figure of stress against strain ends.
-
-    With tensile fits this is the largest tensile strain, at most 1. Otherwise it is 3 times the largest bending strain.
-    """
+    """Return the strain at which the figure of stress against strain ends."""
     tensile = [s.fit.max_stretch - 1 for s in fits if isinstance(s.fit, TensileRecord)]
     return min(max(tensile), _LARGEST_STRAIN) if tensile else _BENDING_ALONE * (bending_strain(fits) or 0.0)
 
 
 def reached(shown: ShownFit, mode: Mode) -> float:
-    """Return the strain up to which the data of a fit reach in a mode of deformation.
-
-    At this strain, the largest principal stretch of the mode equals the largest stretch in the data of the fit, tensile
-    curves included.
-    """
+    """Return the largest strain in the data of a fit, converted to a strain of a mode of deformation."""
     curves = shown.fit.tensile if isinstance(shown.fit, FitRecord) else ()
     return mode.at_stretch(max([shown.fit.max_stretch, *(1 + curve.largest_strain for curve in curves)]))
 
 
 def stress_curve(shown: ShownFit, strain: Array, mode: Mode = UNIAXIAL) -> StressCurve:
-    """Return the stress of a fit at m strains, shape (m,), with the 95 % band of the stress.
-
-    The band follows from the draws of the fit (random samples of the parameters). Without draws the band is NaN.
-    """
+    """Return the stress of a fit at m strains, shape (m,), with the 95 % intervals of the stress."""
     fit = shown.fit
     law, drawn = LAWS[fit.model], fit.drawn(_DRAWS)
     stress = mode.stress_Pa(law, np.array(fit.values()), strain)
@@ -167,16 +156,16 @@ def tensile_points(fits: Sequence[ShownFit], largest_strain: float) -> tuple[lis
     Parameters
     ----------
     fits : sequence of ShownFit
-        All fits of the report; only tensile fits have a test to read.
+        All fits of the report.
     largest_strain : float
-        The strain (engineering strain, a fraction) at which the figure ends.
+        The engineering strain at which the figure ends.
 
     Returns
     -------
     points : list of TensilePoints
-        One element for each test that could be read.
+        The tests that could be read.
     missing : list of str
-        A sentence for each tensile test, and for each 95 % band of a fit, that cannot be drawn; it gives the reason.
+        A sentence for each test, and for each 95 % interval, that cannot be drawn.
     """
     points = []
     missing = [

@@ -1,4 +1,4 @@
-"""The parts that all figures and tables of results have in common.
+"""The common parts of all figures and tables of results.
 
 drawing      the style of figures, and figures as files
 palette      colours, markers and line styles

@@ -44,10 +44,7 @@ created.
 
 
 class Drawing(Figure):
-    """A matplotlib figure as wide as a page.
-
-    A notebook displays the figure even if pyplot is not loaded.
-    """
+    """A matplotlib figure as wide as a page, which a notebook displays."""
 
     def __init__(self, height_in: float = 3.0, width_in: float = WIDTH_IN) -> None:
         super().__init__(figsize=(width_in, height_in), layout="constrained")
@@ -57,7 +54,7 @@ class Drawing(Figure):
 
 
 def saved(figure: Figure, format: str, **how: Any) -> bytes:
-    """Return a figure as the bytes of a file that does not contain the time of creation.
+    """Return a figure as the bytes of a file.
 
     Parameters
     ----------
@@ -86,9 +83,9 @@ def label(axes: Axes, x: str, y: str) -> None:
 
 
 def by_field(field_mT: Sequence[float], numbers: Sequence[int]) -> tuple[NDArray[np.float64], str]:
-    """Return the x value of each of K states in a figure, shape (K,), and the label of the x axis.
+    """Return the x value of each of K load steps in a figure, shape (K,), and the label of the x axis.
 
-    The x values are the fields in mT. If the field is constant, the x values are the numbers of the states.
+    The x values are the magnetic fields in mT, or the numbers of the load steps if the field is constant.
     """
     fields = np.array(field_mT, dtype=np.float64)
     return (
@@ -97,10 +94,7 @@ def by_field(field_mT: Sequence[float], numbers: Sequence[int]) -> tuple[NDArray
 
 
 def colours_in_order(values: NDArray[np.float64]) -> ScalarMappable:
-    """Return the map from the values of an ordered quantity to colours.
-
-    The colours extend from the smallest to the largest of the values.
-    """
+    """Return a map from values to colours, from the smallest to the largest value."""
     ends = (values.min(), values.max()) if len(values) else (0.0, 1.0)
     return ScalarMappable(Normalize(ends[0], max(ends[1], ends[0] + 1e-9)), matplotlib.colormaps[IN_ORDER])
 

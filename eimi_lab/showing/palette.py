@@ -1,7 +1,4 @@
-"""Colours, markers and line styles of all figures of results.
-
-This module does not import matplotlib, because matplotlib loads slowly.
-"""
+"""Colours, markers and line styles of all figures of results."""
 
 from __future__ import annotations
 

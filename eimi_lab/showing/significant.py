@@ -9,10 +9,9 @@ _LARGEST = 1e7  # a number from this size on is written with an exponent
 
 
 def significant(value: float, digits: int, sign: str = "") -> str:
-    """Return a number as text with a given number of significant digits.
+    """Return a number as text with a given number of significant digits, including zeros at the end.
 
-    Zeros at the end are kept, so that numbers of similar size have the same number of decimals in a column of a table.
-    All digits before the decimal point are written. A very large or very small number is written with an exponent.
+    All digits before the decimal point are written.
 
     Parameters
     ----------

@@ -11,7 +11,7 @@ from typing import Any
 
 
 def html_table(caption: str, head: Sequence[str], rows: Sequence[Sequence[str]], notes: Sequence[str] = ()) -> str:
-    """Return an HTML table with a caption above the table and notes below. Special characters are escaped."""
+    """Return an HTML table with a caption and notes."""
     cells = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
     titles = "".join(f"<th>{escape(name)}</th>" for name in head)
     below = "".join(f"<p>{escape(note)}</p>" for note in notes)

@@ -26,10 +26,7 @@ _LEAST = 0.01  # a cause of smaller probability has no row, except the first two
 
 
 def table_of_causes(fits: Sequence[ShownFit]) -> Table | None:
-    """Return a table with the probable causes of each fit's residuals, such as a tilted camera.
-
-    Return None if no causes were compared.
-    """
+    """Return a table of probable causes of the residuals, such as a tilted camera; None if no causes were compared."""
     rows = [
         (
             shown.label,

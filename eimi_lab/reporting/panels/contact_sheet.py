@@ -1,4 +1,4 @@
-"""Show the first frame of each state with the edges, and the flags (defects) of the state."""
+"""Show the first image of each load step with the edges, and the defects that checks found."""
 
 from __future__ import annotations
 
@@ -33,10 +33,7 @@ _FLAG_CHARACTERS = 17
 
 
 def contact_sheet(contents: DatasetContents, flags: dict[int, list[Flag]]) -> Drawing:
-    """Draw thumbnails of the first frames of a dataset's states (load steps), in their order.
-
-    The unit of the axes is the width of a thumbnail.
-    """
+    """Draw small pictures of the load steps of a dataset, in their order."""
     crop = crop_of(contents)
     states = shown_states(contents)
     rows = -(-len(states) // _ABREAST)
@@ -70,7 +67,7 @@ def contact_sheet(contents: DatasetContents, flags: dict[int, list[Flag]]) -> Dr
 
 
 def shown_states(contents: DatasetContents) -> tuple[State, ...]:
-    """Return all states (load steps) of a dataset or, if there are very many, some evenly spaced states."""
+    """Return all load steps of a dataset or, if there are very many, some evenly spaced load steps."""
     states = contents.dataset.states
     return states[:: -(-len(states) // _MOST)]
 
@@ -78,10 +75,9 @@ def shown_states(contents: DatasetContents) -> tuple[State, ...]:
 def _thumbnail(
     axes: Axes, contents: DatasetContents, state: State, crop: Crop, corner: tuple[float, float]
 ) -> list[Array]:
-    """Draw the frame of a state as a small picture of width 1, and return the edges of the state for this picture.
+    """Draw the image of a load step as a small picture of width 1, and return the edges in this picture.
 
-    `corner` is the position (x, y) of the upper left corner in the axes. Each edge has the shape (n, 2): x and y of n
-    points in the axes.
+    `corner` is the position of its upper left corner. An edge contains n points (x, y), shape (n, 2).
     """
     x, y = corner
     size = (_THUMB_PX, max(1, round(_THUMB_PX * crop.height_over_width)))
@@ -92,19 +88,13 @@ def _thumbnail(
 
 
 def flags_of(contents: DatasetContents) -> dict[int, list[Flag]]:
-    """Return the flags (defects) of each state, by index of the state.
-
-    The flags that the run raised come first, and the flags that the edge search raised follow.
-    """
+    """Return the flags (defects that checks found) of each load step, by index of the load step."""
     edges = contents.dataset.edges()
     return {s.index: [*s.flags, *(edges[s.index].flags if edges else ())] for s in contents.dataset.states}
 
 
 def table_of_flags(flags: dict[int, list[Flag]]) -> Table | None:
-    """Return a table of the flags (defects) of a dataset; None without flags.
-
-    For each flag the table gives the states (load steps), the value farthest from the limit, and the remedy.
-    """
+    """Return a table of the flags (defects that checks found) of a dataset; None without flags."""
     by_name: dict[str, list[tuple[int, Flag]]] = {}
     for index, flags_of_state in flags.items():
         for flag in flags_of_state:

@@ -1,4 +1,4 @@
-"""Show the error of each fit in each state of a dataset.
+"""Show the error of each fit at each load step of a dataset.
 
 The error is the root mean square distance between measured and simulated points.
 """
@@ -29,12 +29,9 @@ _SPREAD = 0.5  # width over which the fits of one state are spread, as a fractio
 
 
 def drawn_errors(predictions: Sequence[Prediction[ShownFit]]) -> Drawing:
-    """Draw the errors of all fits in the states (load steps) of a dataset against the field.
+    """Draw the error of all fits at the load steps of a dataset against the magnetic field.
 
-    The error is the root mean square distance between measured and simulated points. A bar shows ± one standard
-    deviation of these distances in the state. If the field is constant, the errors are drawn against the number of the
-    state. With several fits, axes below show each error minus the error of the first fit, because the curves may be too
-    close to each other.
+    The error is the root mean square distance between measured and simulated points.
     """
     states = predictions[0].evidence.states
     x, words = by_field([state.field_mT for state in states], [state.index for state in states])
@@ -80,10 +77,7 @@ def drawn_errors(predictions: Sequence[Prediction[ShownFit]]) -> Drawing:
 
 
 def _draw_differences(axes: Axes, predictions: Sequence[Prediction[ShownFit]], x: Array) -> None:
-    """Draw, for each state of a dataset, the error of each fit minus the error of the first fit, in µm.
-
-    `x` contains the places of the states on the axis.
-    """
+    """Draw the error of each fit minus the error of the first fit, in µm, at the places `x` on the axis."""
     axes.axhline(0, color=predictions[0].fitted_law.colour, linewidth=1.1)
     for s in predictions[1:]:
         law = s.fitted_law
@@ -92,10 +86,7 @@ def _draw_differences(axes: Axes, predictions: Sequence[Prediction[ShownFit]], x
 
 
 def legend_of_fits(drawing: Drawing, fits: Sequence[ShownFit]) -> None:
-    """Add a legend that explains the colour and the marker of each law.
-
-    If the laws were fitted to different kinds of data, the legend also explains the line style of each kind.
-    """
+    """Add a legend of the laws and, if there are several kinds of fitted data, of the kinds."""
     handles = {
         s.fit.model: Line2D([], [], color=s.colour, marker=s.marker, linestyle="", label=s.fit.model) for s in fits
     }

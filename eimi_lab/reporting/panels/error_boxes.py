@@ -1,6 +1,6 @@
 """Compare the errors of all fits on each specimen by box plots.
 
-The error of a state is the root mean square distance between measured and simulated points.
+The error of a load step is the root mean square distance between measured and simulated points.
 """
 
 from __future__ import annotations
@@ -22,10 +22,9 @@ _LOG_FROM = 20  # ratio of the largest to the smallest median from which the axi
 
 
 def drawn_boxes(report: ReportContents) -> Drawing:
-    """Draw a box plot for each fit and specimen: the errors of the fit in the states (load steps) of the specimen.
+    """Draw a box plot of the errors at the load steps for each fit and specimen.
 
-    Each specimen has its own axes, and all axes have the same scale. The error in a state is the root mean square
-    distance of measured points from simulated edges. A box has the colour of its law.
+    The error is the root mean square distance of measured points from simulated edges.
     """
     columns = min(3, len(report.datasets))
     rows = -(-len(report.datasets) // columns)

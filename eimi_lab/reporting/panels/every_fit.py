@@ -15,10 +15,9 @@ _ABREAST = 4  # columns of specimens in one table
 
 
 def matrix(report: ReportContents) -> list[tuple[ShownFit, list[tuple[Validation, bool]]]]:
-    """Return each fit with a list of its errors on all datasets of a report.
+    """Return each fit with its errors on all datasets of a report.
 
-    The list has one pair for each dataset: the errors of the fit on the dataset, and whether its mean error on this
-    dataset is the smallest of all fits.
+    An error is a pair: the error itself, and whether its mean is the smallest of all fits on the dataset.
     """
     columns = [shown.validations for shown in report.datasets]
     least = [min((v.mean_error_mm for v in column if v.mean_error_mm is not None), default=None) for column in columns]
@@ -29,7 +28,7 @@ def matrix(report: ReportContents) -> list[tuple[ShownFit, list[tuple[Validation
 
 
 def tables(report: ReportContents) -> list[Table]:
-    """Return tables of the errors of all fits on all specimens, each as wide as a page allows."""
+    """Return tables of the errors of all fits on all specimens."""
     names = [shown.name for shown in report.datasets]
     caption = "Each fit on each specimen: mean error over the states in µm, with its 95 % interval."
     parts = []

@@ -27,11 +27,7 @@ _LAST = 6  # the close-up shows the last 1/6 of the edges
 
 
 def edges_over_frames(contents: DatasetContents, simulated: Prediction[ShownFit] | None) -> Drawing:
-    """Draw measured edges (dots) and simulated edges (lines) over frames.
-
-    The frames show the beam under the smallest and under the largest load. The last axes show the tip at the largest
-    load.
-    """
+    """Draw measured edges (dots) and simulated edges (lines) over images of the beam, at small and large load."""
     crop = crop_of(contents)
     states = some_states(contents, 2)
     tall = crop.height_over_width
@@ -58,10 +54,9 @@ def _draw(
     crop: Crop,
     points: int | None,
 ) -> None:
-    """Draw a frame of a state (load step), with the measured edges and, if there is a simulation, the simulated edges.
+    """Draw the image of load step `k` (counted in the fit), with the measured and the simulated edges.
 
-    `k` is the index of the state among the states that the fit uses. `points` is the number of measured points that are
-    drawn on each edge; None draws all points.
+    `points` is the number of measured points that are drawn on each edge; None draws all points.
     """
     frame, image = frame_of(contents), contents.dataset.images(contents.evidence.states[k].index, 1)[0]
     axes.imshow(crop.of(image), cmap="gray", vmin=0, vmax=1)
@@ -77,7 +72,7 @@ def _draw(
 
 
 def _look_at_tip(axes: Axes, contents: DatasetContents, k: int, crop: Crop) -> None:
-    """Set the limits of the axes so that they show the tip in state `k`: the last part of both edges."""
+    """Set the limits of the axes so that they show the tip of the beam at load step `k`."""
     ends = np.concatenate([points[-len(points) // _LAST :] for points in measured_mm(contents, k)])
     places = crop.places(frame_of(contents).to_px(ends))
     middle = 0.5 * (places.min(axis=0) + places.max(axis=0))
@@ -110,11 +105,7 @@ def points_over_outlines(contents: DatasetContents, simulated: Prediction[ShownF
 
 
 def picture_of(report: ReportContents) -> Picture | None:
-    """Return the picture of the beam for the first page of a report; None without datasets.
-
-    The first page begins with the result of one fit. The picture shows the first dataset that was simulated with this
-    fit. If no dataset was, the picture shows the last dataset. Without a fit, it shows the first dataset.
-    """
+    """Return the picture of the beam for the first page of a report; None without datasets."""
     results = findings(report)
     best_fit = results[0].shown if results else None
     for contents in report.datasets:

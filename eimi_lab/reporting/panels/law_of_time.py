@@ -1,7 +1,4 @@
-"""Show a viscoelastic (Prony) law with its data: ring-downs (free vibrations) and creep.
-
-The figures show frequency and loss factor of the vibrations against their amplitude, and the modulus against time.
-"""
+"""Show a viscoelastic (Prony) law with its data: ring-downs (free vibrations) and creep."""
 
 from __future__ import annotations
 

@@ -41,8 +41,7 @@ _INTERVALS = (
 def table_of_laws(fits: Sequence[ShownFit], bending: bool) -> Table:
     """Return a table of parameters, misfit and largest stretch in the data, with a row for each fit.
 
-    If `bending` is true, a note on the intervals of bending fits is added. If all laws were fitted to the same kind of
-    data, the caption names these data, and the table has no column for them.
+    `bending` tells whether the fits have bent beams.
     """
     rows = [
         (s.fit.model, s.origin, _modulus(s.fit), _parameters(s.fit), _misfit(s.fit), f"{s.fit.max_stretch:.3f}")
@@ -58,10 +57,7 @@ def table_of_laws(fits: Sequence[ShownFit], bending: bool) -> Table:
 
 
 def table_of_choice(choices: Sequence[Choice]) -> Table:
-    """Return a table that compares laws by information criteria and by the error on states left out of the fit.
-
-    A state is a load step of a dataset.
-    """
+    """Return a table that compares laws by information criteria and by the error on load steps left out of the fit."""
     head = ("law", "unknowns", "AICc", "BIC", "Akaike weight", "error on states left out, µm")
     rows = [
         (
@@ -101,11 +97,7 @@ def _marked(text: str, held: bool) -> str | Cell:
 
 
 def _remarks(report: ReportContents) -> list[tuple[str, list[str]]]:
-    """Return, for each fit with remarks, its label and its remarks: one line of text each.
-
-    Doubts (reasons to distrust a fit) are not among the remarks. They are listed separately, because several fits may
-    share a doubt.
-    """
+    """Return, for each fit with remarks, its label and its remarks as lines of text."""
     remarks_of_fits = []
     for shown in report.fits:
         fit = shown.fit
@@ -123,7 +115,7 @@ def _remarks(report: ReportContents) -> list[tuple[str, list[str]]]:
 
 
 def _doubts(fits: Sequence[ShownFit]) -> list[tuple[str, str]]:
-    """Return each doubt (reason to distrust a fit) once, with the labels of the fits that share this doubt."""
+    """Return the reasons to distrust a fit; each reason has the labels of the fits that it concerns."""
     labels_of: dict[str, list[str]] = {}
     for shown in fits:
         for words in shown.fit.doubts_in_words():

@@ -28,22 +28,21 @@ _LARGE = 0.95  # quantile of the residuals that counts as a large one
 
 
 def residual_vectors(simulated: Prediction[ShownFit], k: int) -> tuple[Array, Array]:
-    """Return the residuals of a fit in state k as vectors at n measured points.
+    """Return the residuals of a fit at a load step as vectors at n measured points.
 
     Parameters
     ----------
     simulated : Prediction
-        The simulation of a dataset with the fit, and its residuals.
+        The simulation of a dataset.
     k : int
-        Index of the state among the used states of the dataset.
+        Index of the load step.
 
     Returns
     -------
     places_mm : ndarray, shape (n, 2)
-        x and y of the measured points, in the beam frame.
+        Measured points: x along the straight beam, y across.
     vectors_mm : ndarray, shape (n, 2)
-        x and y components of measured minus simulated position. For edges, only the component normal to the simulated
-        edge.
+        x and y components of measured minus simulated position.
     """
     observed, residuals = simulated.evidence.experiment.observed, simulated.residuals_mm[k]
     if not isinstance(observed, EdgeObservation):
@@ -62,10 +61,7 @@ def residual_vectors(simulated: Prediction[ShownFit], k: int) -> tuple[Array, Ar
 
 
 def drawn_residuals(contents: DatasetContents, simulated: Prediction[ShownFit]) -> tuple[Drawing, float]:
-    """Draw the simulated outlines with magnified arrows to the measured points.
-
-    Return the drawing and the magnification of the arrows.
-    """
+    """Draw the simulated outlines with magnified arrows to the measured points, and return the magnification too."""
     chosen = some_states(contents, _STATES)
     residuals = [residual_vectors(simulated, k) for k in chosen]
     sizes = np.concatenate([np.linalg.norm(vectors, axis=1) for _, vectors in residuals])

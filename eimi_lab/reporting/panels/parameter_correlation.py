@@ -1,7 +1,4 @@
-"""Show the correlations between the errors of the unknowns of each fit.
-
-The unknowns are the parameters of the law and the uncertain inputs that were fitted with the law.
-"""
+"""Show the correlations between the errors of the fitted parameters and inputs of each fit."""
 
 from __future__ import annotations
 
@@ -26,7 +23,7 @@ _NARROWEST = 4  # cells, which the title above a matrix needs
 
 
 def drawn_correlations(fits: Sequence[tuple[ShownFit, FitRecord]]) -> Drawing:
-    """Draw the correlation matrix of the unknowns of each fit, with the numbers of the matrix."""
+    """Draw the correlation matrix of the fitted parameters and inputs of each fit."""
     sizes = [len(fit.identifiability.names) for _, fit in fits]
     columns = min(_ABREAST, len(fits))
     rows = -(-len(fits) // columns)

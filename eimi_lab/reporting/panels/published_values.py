@@ -22,10 +22,7 @@ _NOTE = (
 
 
 def table_of_published(finding: Finding, material: str) -> Table | None:
-    """Return a table of published moduli of a material, with their ratios to the identified modulus.
-
-    Return None if no published modulus of the material is known.
-    """
+    """Return a table of published moduli, with their ratios to the identified modulus; None without any."""
     published = published_moduli(material)
     if not published:
         return None

@@ -27,11 +27,7 @@ _AT_THE_MAGNET = (
 
 
 def along_beam_mm(edge_mm: Array, points_mm: Array, length_mm: float, rigid_mm: float) -> Array:
-    """Return where m measured points of the bent beam are along the beam at rest, to draw their residuals there.
-
-    For each measured point, the nearest point of the simulated edge is taken. Its arc length along the bent edge is
-    converted into a position along the beam at rest: the soft part of the beam is assumed to be stretched uniformly,
-    and the rigid part at the tip keeps its length.
+    """Return the positions, along the beam at rest, of m measured points of the bent beam.
 
     Parameters
     ----------
@@ -57,7 +53,7 @@ def along_beam_mm(edge_mm: Array, points_mm: Array, length_mm: float, rigid_mm: 
 
 
 def drawn_along_beam(contents: DatasetContents, simulated: Prediction[ShownFit]) -> Drawing:
-    """Draw the distances of measured from simulated points along both edges; colours show the fields of the states."""
+    """Draw the distances of measured from simulated points along both edges; colours show the magnetic fields."""
     observed = simulated.evidence.experiment.observed
     if not isinstance(observed, EdgeObservation):
         raise ValueError("tracked points have no edges")

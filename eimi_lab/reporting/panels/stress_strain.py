@@ -46,10 +46,6 @@ def drawn_stress(
 ) -> Drawing:
     """Draw stress against strain: a column for each mode of deformation, a row for each kind of fitted data.
 
-    The line of a fit is solid within the data of the fit, and thin and dashed beyond the data. Strains that no bent
-    specimen reached are shaded. With several fits, a last row shows the relative difference of each stress from the
-    stress of the first fit, because the curves may be too close to each other.
-
     Parameters
     ----------
     fits : sequence of ShownFit
@@ -59,7 +55,7 @@ def drawn_stress(
     bent_to : float or None
         The largest strain of a bent specimen.
     origins : sequence of str, optional
-        The kinds of fitted data to draw; by default all kinds. The last row is drawn only with the last kind.
+        The kinds of fitted data to draw; by default all kinds.
     """
     every_origin = _origins(fits)
     origins = every_origin if origins is None else origins
@@ -104,10 +100,7 @@ def _origins(fits: Sequence[ShownFit]) -> list[str]:
 
 
 def _strains_of(shown: ShownFit, strain: Array, mode: Mode) -> Array:
-    """Return the strains at which the stress of a fit is drawn.
-
-    These are the strains `strain`, shape (n,), and the largest strain in the data of the fit.
-    """
+    """Return the strains `strain`, shape (n,), together with the largest strain in the data of the fit."""
     end = reached(shown, mode)
     return np.union1d(strain, [end] if end < strain[-1] else [])
 
@@ -148,7 +141,7 @@ def _draw_ratios(axes: Axes, fits: Sequence[ShownFit], strain: Array, mode: Mode
 
 
 def _legend(drawing: Drawing, all_axes: Sequence[Axes]) -> None:
-    """Add a legend to the drawing in which each label of the axes occurs once."""
+    """Add a legend to the drawing in which each label occurs once."""
     entries: dict[str, Any] = {}
     for axes in all_axes:
         for handle, words in zip(*axes.get_legend_handles_labels(), strict=True):

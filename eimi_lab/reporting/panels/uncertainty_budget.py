@@ -27,8 +27,7 @@ _MOST = 8  # sources with a bar each; the others share a bar
 def shares(fit: FitRecord) -> list[tuple[str, float]]:
     """Return the contributions to the uncertainty of the modulus: name, and standard deviation in % of the modulus.
 
-    Each large source of uncertainty has an entry. One entry combines the smaller sources (root sum of squares). The
-    last entry is the contribution of noise and mesh.
+    Small contributions are combined in one entry.
     """
     rows = [(entry_words(entry, fit), entry.effect_percent) for entry in fit.budget[:_MOST]]
     smaller = [entry.effect_percent for entry in fit.budget[_MOST:]]
@@ -43,10 +42,7 @@ def shares(fit: FitRecord) -> list[tuple[str, float]]:
 
 
 def drawn_budget(fits: Sequence[tuple[ShownFit, FitRecord]]) -> Drawing:
-    """Draw bars for each fit: the standard deviation of the modulus that each source of uncertainty causes.
-
-    The axes of several fits stand in two columns, so that the figure fits on a printed page beside other parts.
-    """
+    """Draw bars for each fit: the standard deviation of the modulus that each source of uncertainty causes."""
     bars = [shares(fit) for _, fit in fits]
     columns = min(2, len(fits))
     most = [max(map(len, bars[first : first + columns])) for first in range(0, len(fits), columns)]

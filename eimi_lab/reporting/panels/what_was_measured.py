@@ -1,4 +1,4 @@
-"""List the facts of a dataset: specimen, date, rig, protocol, camera, gravity and states (load steps)."""
+"""List the facts of a dataset: specimen, date, rig, protocol, camera, gravity and load steps."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Facts = list[tuple[str, str]]
 
 
 def facts(contents: DatasetContents) -> Facts:
-    """Return the names and values of the facts about a dataset. A fact that the file does not contain is omitted."""
+    """Return the names and values of the facts about a dataset."""
     dataset = contents.dataset
     start = dataset.start_time()
     gravity = (
@@ -122,8 +122,7 @@ def _of_picture(contents: DatasetContents) -> Facts:
 def _uncertain(stated: Mapping[str, Any] | None) -> Callable[[str], str]:
     """Return a function that returns the uncertainty of a quantity as text, such as ` ± 0.02`.
 
-    The argument of the function is the key of the quantity in an input file. `stated` is the table [uncertainty] of
-    this file. The text is empty for the uncertainty 0, and ` (± not stated)` for a missing key.
+    The argument of the function is the key of the quantity. `stated` is the table [uncertainty] of an input file.
     """
 
     def words(key: str) -> str:
