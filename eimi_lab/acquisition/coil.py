@@ -66,7 +66,7 @@ def no_sensors() -> dict[str, float]:
 
 
 def never() -> None:
-    """Do nothing. A ramp that must not be interrupted has this function as its argument `stop_if_asked`."""
+    """Do nothing. A ramp that must not be interrupted takes this function as `stop_if_asked`."""
 
 
 class Coil:
@@ -100,7 +100,7 @@ class Coil:
     changed_s : float
         Time at which the set-point last changed, s on the clock.
     leads_swapped : bool
-        Whether the current of the coil is minus the current of the supply, because its leads are swapped.
+        Whether the leads of the coil are swapped. Its current is then minus the current of the supply.
     out_of_control : bool
         Whether a current or a reading was wrong, or the run stood still. The coil is then switched off without a ramp.
     unreachable : str
@@ -134,7 +134,7 @@ class Coil:
         self._set_points: list[SetPoint] = []
 
     def switch_off(self) -> Off | None:
-        """Switch the supply off, and return the current that was measured afterwards; None if it cannot measure.
+        """Switch the supply off, and return the current measured afterwards; None if the supply cannot measure.
 
         Raises SwitchOffFailed if the supply could not be confirmed off.
         """

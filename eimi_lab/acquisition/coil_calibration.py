@@ -58,7 +58,7 @@ class CoilCalibration:
 def calibration_currents(rig: Rig, largest_A: float | None, steps: int) -> list[float]:
     """Return the currents (A) of a calibration: in equal steps from zero to the largest current and back.
 
-    If the supply is bipolar, the currents with the opposite sign follow.
+    If the supply can reverse its current, the currents with the opposite sign follow.
 
     Parameters
     ----------

@@ -85,7 +85,7 @@ def dry_run(
 ) -> None:
     """List the steps of a run and the messages to its supply, without using an instrument.
 
-    A driver without an emulator is replaced by another emulated supply; then no messages are listed.
+    If the driver has no emulator (simulated supply), no messages are listed.
 
     Parameters
     ----------

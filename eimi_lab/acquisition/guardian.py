@@ -138,7 +138,7 @@ class Guardian:
         self._send(SUPPLY + json.dumps([identity.text, identity.serial_number]).encode())
 
     def recognise(self) -> None:
-        """Tell the guardian process to accept the supply at the address of the coil even if its output is off."""
+        """Tell the guardian process to accept the supply at the known address even if its output is off."""
         self._send(RECOGNISED)
 
     def beat(self) -> None:
