@@ -1,7 +1,4 @@
-"""Measure time in real seconds for real instruments, and in simulated seconds for the virtual rig.
-
-The virtual rig is a simulated supply, coil, beam and camera.
-"""
+"""Clocks of drivers: real seconds for real instruments, simulated seconds for simulated instruments."""
 
 from __future__ import annotations
 
@@ -9,7 +6,7 @@ import time
 
 
 class WallClock:
-    """Clock of real instruments, which follows the monotonic clock of the operating system."""
+    """Clock of real seconds, which uses the monotonic clock of the operating system."""
 
     def now(self) -> float:
         """Return the time since an arbitrary zero, s."""
@@ -22,12 +19,12 @@ class WallClock:
 
 
 class SimulatedClock:
-    """Clock of simulated instruments, whose time advances only by calls of `sleep`, without any real wait.
+    """Clock of simulated seconds; the time advances only when `sleep` is called.
 
     Parameters
     ----------
     start_s : float
-        The simulated time at the start, s.
+        Simulated time at the start, s.
     """
 
     def __init__(self, start_s: float = 0.0) -> None:
@@ -38,5 +35,5 @@ class SimulatedClock:
         return self._now
 
     def sleep(self, seconds: float) -> None:
-        """Advance the simulated time by `seconds` (s) without waiting; a negative value leaves the time unchanged."""
+        """Advance the simulated time by `seconds` (s) without waiting; a negative value changes nothing."""
         self._now += max(seconds, 0.0)

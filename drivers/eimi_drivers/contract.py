@@ -1,7 +1,4 @@
-"""Check that drivers and instruments have the members that `eimi_drivers.interfaces` requires.
-
-If a driver lacks several members, one error names all missing members in a message of one line.
-"""
+"""Check that drivers and instruments have the methods and attributes that `eimi_drivers.interfaces` requires."""
 
 from __future__ import annotations
 
@@ -21,29 +18,28 @@ from eimi_drivers.interfaces import (
 
 
 def check_supply_driver(name: str, driver: object) -> None:
-    """Raise UnusableDriver if a driver does not take the arguments of `SupplyDriver`, or lacks a required method.
+    """Raise UnusableDriver if a driver of a supply has wrong arguments or lacks a required method.
 
     Parameters
     ----------
     name : str
-        The name of the driver in the message.
+        Name of the driver, for the message.
     driver : object
-        The class or the function that opens a supply. A class must have the methods of `PowerSupply`. If the driver has
-        the optional method `connect`, this method must accept one argument, the address.
+        Class or function that opens a supply.
     """
     faults = [*_call_faults(_name(driver), driver, SupplyDriver.__call__), *_connect_faults(driver)]
     _raise("supply", name, driver, [*faults, *_class_faults(driver, PowerSupply)])
 
 
 def check_camera_driver(name: str, driver: object) -> None:
-    """Raise UnusableDriver if a driver does not take the arguments of `CameraDriver`, or lacks a required method.
+    """Raise UnusableDriver if a driver of a camera has wrong arguments or lacks a required method.
 
     Parameters
     ----------
     name : str
-        The name of the driver in the message.
+        Name of the driver, for the message.
     driver : object
-        The class or the function that opens a camera. A class must have the methods of `Camera`.
+        Class or function that opens a camera.
     """
     _raise(
         "camera",
@@ -54,40 +50,39 @@ def check_camera_driver(name: str, driver: object) -> None:
 
 
 def check_sensor_driver(name: str, driver: object) -> None:
-    """Raise UnusableDriver if a driver does not take the arguments of `SensorDriver`, or lacks a required method.
+    """Raise UnusableDriver if a driver of a sensor has wrong arguments or lacks a required method.
 
     Parameters
     ----------
     name : str
-        The name of the driver in the message.
+        Name of the driver, for the message.
     driver : object
-        The class or the function that opens a sensor. A class must have the methods of `Sensor`. If the driver has the
-        optional method `connect`, this method must accept one argument, the address.
+        Class or function that opens a sensor.
     """
     faults = [*_call_faults(_name(driver), driver, SensorDriver.__call__), *_connect_faults(driver)]
     _raise("sensor", name, driver, [*faults, *_class_faults(driver, Sensor)])
 
 
 def check_supply(name: str, driver: object, supply: PowerSupply) -> None:
-    """Check an open supply. If a member of `PowerSupply` is missing, close the supply and raise UnusableDriver.
+    """Close an open supply and raise UnusableDriver if the supply lacks a member of `PowerSupply`.
 
-    `name` is the name of the driver, and `driver` is the driver that opened the supply. Both are for the message.
+    `name` and `driver` describe the driver in the message.
     """
     _check_opened("supply", name, driver, supply, PowerSupply)
 
 
 def check_camera(name: str, driver: object, camera: Camera) -> None:
-    """Check an open camera. If a member of `Camera` is missing, close the camera and raise UnusableDriver.
+    """Close an open camera and raise UnusableDriver if the camera lacks a member of `Camera`.
 
-    `name` is the name of the driver, and `driver` is the driver that opened the camera. Both are for the message.
+    `name` and `driver` describe the driver in the message.
     """
     _check_opened("camera", name, driver, camera, Camera)
 
 
 def check_sensor(name: str, driver: object, sensor: Sensor) -> None:
-    """Check an open sensor. If a member of `Sensor` is missing, close the sensor and raise UnusableDriver.
+    """Close an open sensor and raise UnusableDriver if the sensor lacks a member of `Sensor`.
 
-    `name` is the name of the driver, and `driver` is the driver that opened the sensor. Both are for the message.
+    `name` and `driver` describe the driver in the message.
     """
     _check_opened("sensor", name, driver, sensor, Sensor)
 
@@ -119,7 +114,7 @@ def _name(driver: object) -> str:
 
 
 def _class_faults(driver: object, protocol: type) -> Iterator[str]:
-    """Yield a description of each missing or wrong method of a driver that is a class; yield nothing for a function."""
+    """Yield a text for each missing or wrong method of a driver that is a class; nothing for a function."""
     if not inspect.isclass(driver):
         return
     for name in sorted(getattr(driver, "__abstractmethods__", ())):
@@ -130,12 +125,7 @@ def _class_faults(driver: object, protocol: type) -> Iterator[str]:
 
 
 def _faults(subject: object, protocol: type) -> Iterator[tuple[str, str]]:
-    """Yield the faults of a driver or an instrument: for each fault the name of the member, and a description.
-
-    A fault is a member of the interface that `subject` lacks, or that cannot be called in the prescribed way.
-
-    `protocol` is the interface, a `typing.Protocol` such as `PowerSupply`.
-    """
+    """Yield name and description of each interface member that `subject` lacks or that has wrong arguments."""
     for name, kind in protocol.__annotations__.items():
         if not hasattr(subject, name):
             yield name, f"{name} is missing (needed: an attribute of type {kind})"
@@ -150,19 +140,7 @@ def _faults(subject: object, protocol: type) -> Iterator[tuple[str, str]]:
 
 
 def _call_faults(name: str, subject: object, member: Callable[..., Any], owner: object = None) -> Iterator[str]:
-    """Yield a description of the fault if a driver cannot be called in the way that an interface prescribes.
-
-    Parameters
-    ----------
-    name : str
-        The name of the method.
-    subject : object
-        The method, class or function of the driver that is checked.
-    member : callable
-        The method in the interface (a `typing.Protocol`), which defines the number of arguments.
-    owner : object
-        The class or the instrument to which `subject` belongs. If it is a class, the method takes ``self`` in addition.
-    """
+    """Yield a text if the method `subject` of `owner` does not take the arguments of the interface method `member`."""
     count = len(inspect.signature(member).parameters) - 1
     if not callable(subject):
         yield f"{name} is {subject!r}, but should be {_called(name, member)}"
@@ -174,7 +152,7 @@ def _call_faults(name: str, subject: object, member: Callable[..., Any], owner: 
 
 
 def _takes(subject: Callable[..., Any], count: int) -> bool:
-    """Return whether a callable accepts `count` positional arguments, or has no signature that can be inspected."""
+    """Return whether a callable accepts `count` positional arguments; True if it has no signature."""
     try:
         inspect.signature(subject).bind(*range(count))
     except TypeError:
@@ -189,6 +167,6 @@ def _called(name: str, member: Callable[..., Any]) -> str:
 
 
 def _shown(signature: inspect.Signature) -> str:
-    """Return a signature as text without ``self``, quotation marks and the ``/`` of positional arguments."""
+    """Return a signature as text without ``self``, quotation marks and ``/``."""
     parameters = [parameter for parameter in signature.parameters.values() if parameter.name != "self"]
     return str(signature.replace(parameters=parameters)).replace("'", "").replace(", /", "")

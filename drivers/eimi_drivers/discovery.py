@@ -1,7 +1,4 @@
-"""List the instruments that are attached to this computer, and the driver for each instrument.
-
-The search opens no supply, because another program may be using the supply.
-"""
+"""List the instruments that are attached to this computer, and the driver for each instrument."""
 
 from __future__ import annotations
 
@@ -49,18 +46,18 @@ SCPI_DRIVERS = "scpi or the driver of the family"
 
 @dataclass(frozen=True)
 class Found:
-    """An attached instrument, with the values that a rig file needs for it.
+    """An instrument that was found, with the values that a rig file (the list of a set-up's instruments) needs.
 
     Parameters
     ----------
     kind : "supply", "camera" or "sensor"
-        The kind of instrument.
+        Kind of instrument.
     driver : str
-        The name of the driver. If the port does not identify the instrument, a text that lists the possible drivers.
+        Name of the driver; a list of possible drivers if the port does not identify the instrument.
     address : str
-        The value for the rig file: `address` of a supply or a sensor, `source` of a camera.
+        Value for the rig file: `address` of a supply or a sensor, `source` of a camera.
     text : str
-        The description of the instrument by the operating system, or by the library that lists the instrument.
+        Description of the instrument.
     """
 
     kind: Literal["supply", "camera", "sensor"]
@@ -76,10 +73,9 @@ class Discovery:
     Parameters
     ----------
     found : tuple of Found
-        The attached instruments.
+        Instruments that were found.
     notes : tuple of str
-        Sentences for the user about: searches that failed, ports that this user may not open, kinds of instruments of
-        which none was found, and drivers that other packages or this program add.
+        Remarks for the user, such as a search that failed.
     """
 
     found: tuple[Found, ...]
@@ -89,10 +85,9 @@ class Discovery:
 def discover() -> Discovery:
     """Return the attached instruments: serial ports, instruments on the network, VISA resources and cameras.
 
-    The searches on the network wait some seconds for answers. The search by mDNS therefore runs in parallel with the
-    other searches.
+    The search takes some seconds.
     """
-    with ThreadPoolExecutor(max_workers=1) as network:
+    with ThreadPoolExecutor(max_workers=1) as network:  # the search by mDNS waits some seconds
         announced = network.submit(_search, "instruments of the network (mDNS)", list_network)
         ports, port_notes = _search("serial ports", list_serial_ports)
         others, notes = list_visa_resources()
@@ -117,11 +112,7 @@ def discover() -> Discovery:
 
 
 def _search(kind: str, search: Callable[[], tuple[Found, ...]]) -> tuple[tuple[Found, ...], tuple[str, ...]]:
-    """Return the instruments that one search finds, and notes for the user.
-
-    A search that raises an error must not end the other searches. Its result is then no instrument and one note, which
-    begins with `kind`, the name of the search. Without an error there is no note.
-    """
+    """Return the instruments that `search` finds and no note; after an error no instrument and one note."""
     try:
         return search(), ()
     except Exception as error:  # the libraries of other projects can raise any exception
@@ -160,10 +151,9 @@ def _drivers_from_elsewhere() -> tuple[str, ...]:
 
 
 def list_serial_ports() -> tuple[Found, ...]:
-    """Return the serial ports of this computer. Each port has a driver if its USB numbers identify the instrument.
+    """Return the serial ports of this computer. No message is sent to a port.
 
-    For the other ports, `Found.driver` is a text that lists the possible drivers. No message is sent to a port, because
-    the instrument at the port may be in use and may treat any message as a command.
+    The driver of a port is known only if its USB numbers identify the instrument.
     """
     ports = sorted(attached_ports(), key=lambda port: str(port.device))
     return tuple(_serial_instrument(port) for port in ports)
@@ -180,7 +170,7 @@ def _serial_instrument(port: Any) -> Found:
 
 
 def list_network() -> tuple[Found, ...]:
-    """Return the instruments that announce themselves on the network. No connection to an instrument is opened."""
+    """Return the instruments that announce themselves on the network. No connection is opened."""
     return tuple(
         Found(
             kind="supply",
@@ -193,25 +183,19 @@ def list_network() -> tuple[Found, ...]:
 
 
 def _host(address: str) -> str:
-    """Return the host in the address of a VISA resource on the network; for any other resource, the whole address."""
+    """Return the host in the address of a VISA resource; the whole address if it contains no host."""
     parts = address.split("::")
     return parts[1] if parts[0].upper().startswith("TCPIP") and len(parts) > 2 else address
 
 
 def _described(description: str | None, serial_number: str | None) -> str:
-    """Return the operating system's description of a port, with the serial number of its USB adapter if there is one.
-
-    The serial number distinguishes two adapters of the same type.
-    """
+    """Return the description of a port, with the serial number of its USB adapter if it has one."""
     text = description if description not in (None, "n/a") else "serial port"
     return f"{text}, serial number {serial_number}" if serial_number else f"{text}"
 
 
 def list_visa_resources() -> tuple[tuple[Found, ...], tuple[str, ...]]:
-    """Return the instruments that VISA lists, without serial ports, and notes for the user.
-
-    Each note describes a part of the search that failed, such as a bus that could not be searched.
-    """
+    """Return the instruments that VISA lists, without serial ports, and a note for each search that failed."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
@@ -231,10 +215,7 @@ VIDEO_DEVICES = Path("/sys/class/video4linux")
 
 
 def list_cameras(devices: Path = VIDEO_DEVICES) -> tuple[Found, ...]:
-    """Return the cameras that Linux lists, without the device nodes that deliver metadata instead of images.
-
-    `devices` is the folder in which Linux lists video devices. The result is empty if this folder does not exist.
-    """
+    """Return the cameras that Linux lists in the folder `devices`; an empty tuple if the folder does not exist."""
     if not devices.is_dir():
         return ()
     cameras = []
@@ -271,7 +252,7 @@ def list_genicam_cameras() -> tuple[Found, ...]:
 
 
 def list_gentl_cameras() -> tuple[Found, ...]:
-    """Return the cameras that the installed GenTL producers list, with their serial numbers.
+    """Return the cameras of the installed GenTL producers (camera drivers of the GenICam standard).
 
     The tuple is empty if no producer or no package ``harvesters`` is installed.
     """

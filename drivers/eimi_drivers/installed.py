@@ -1,8 +1,4 @@
-"""Look up drivers by name.
-
-A driver comes from one of three places: this package, another installed package that announces the driver, or a program
-that adds the driver.
-"""
+"""Look up a driver by its name: a driver of this package, of another installed package or of the running program."""
 
 from __future__ import annotations
 
@@ -17,7 +13,7 @@ Driver = TypeVar("Driver")
 
 
 def did_you_mean(name: str, names: Iterable[str]) -> str:
-    """Return a suggestion such as "; did you mean 'korad'?"; empty if none of `names` is similar to `name`."""
+    """Return a suggestion such as "; did you mean 'korad'?"; empty if no name in `names` is similar to `name`."""
     nearest = get_close_matches(name, list(names), n=1)
     return f"; did you mean {nearest[0]!r}?" if nearest else ""
 
@@ -25,20 +21,18 @@ def did_you_mean(name: str, names: Iterable[str]) -> str:
 class Drivers(MutableMapping[str, Driver], Generic[Driver]):
     """Mapping from names to the drivers of one kind of instrument.
 
-    A program adds a driver with ``SUPPLIES["mine"] = driver``. If an installed package announces a driver with the same
-    name, the driver of the program is used. The name of a driver of this package cannot be used for another driver.
+    A program adds a driver with ``SUPPLIES["mine"] = driver``.
 
     Parameters
     ----------
     kind : str
-        The kind of instrument for messages: "supply", "camera" or "sensor".
+        Kind of instrument for messages: "supply", "camera" or "sensor".
     group : str
-        The name of the group of entry points (`importlib.metadata`) by which other packages announce their drivers. A
-        driver is imported only when it is requested.
+        Group of entry points (`importlib.metadata`) with which other packages announce their drivers.
     own : Mapping
-        The drivers of this package by name.
+        Drivers of this package by name.
     reserved : Collection of str
-        Further names that a program cannot use for an added driver. The names in `own` cannot be used either.
+        Further names that a program cannot use for a driver.
     """
 
     def __init__(self, kind: str, group: str, own: Mapping[str, Driver], reserved: Collection[str] = ()) -> None:
@@ -54,9 +48,9 @@ class Drivers(MutableMapping[str, Driver], Generic[Driver]):
         Raises
         ------
         UnknownDriver
-            No driver has this name. The message suggests a similar name. UnknownDriver is also a KeyError.
+            No driver has this name (also a KeyError).
         UnusableDriver
-            A package announces the driver, but the driver cannot be imported.
+            The driver of another package cannot be imported.
         """
         if name in self._own:
             return self._own[name]
@@ -75,7 +69,7 @@ class Drivers(MutableMapping[str, Driver], Generic[Driver]):
             ) from error
 
     def __setitem__(self, name: str, driver: Driver) -> None:
-        """Add a driver to the mapping until this process ends.
+        """Add a driver until this process ends.
 
         Raises
         ------
@@ -121,7 +115,7 @@ class Drivers(MutableMapping[str, Driver], Generic[Driver]):
         return name in list(iter(self))
 
     def added(self) -> tuple[str, ...]:
-        """Return the names of the drivers that this process added, sorted."""
+        """Return the names of the drivers that this process has added, sorted."""
         return tuple(sorted(self._added))
 
     def announced(self) -> tuple[str, ...]:

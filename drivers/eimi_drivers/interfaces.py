@@ -1,16 +1,7 @@
-"""Define the interfaces of power supplies, cameras and sensors, and the errors that they raise.
+"""Interfaces of power supplies, cameras and sensors, and the errors that they raise.
 
-eimi-lab uses an instrument only through these interfaces. A supply is any object with the members of `PowerSupply`. A
-camera is any object with the members of `Camera`, and a sensor is any object with the members of `Sensor`. Inheritance
-is not needed. A driver is a class or a function that opens an instrument and returns the object for it. The arguments
-of a driver are defined by `SupplyDriver`, `CameraDriver` and `SensorDriver`.
-
-Each interface is a `typing.Protocol`. Its members are required. Its docstring lists the optional members, and the value
-that eimi-lab assumes if an optional member is absent.
-
-`open_supply`, `open_camera` and `open_sensor` check that the driver and the instrument have the required members, and
-report all missing members in one line. `check_supply`, `check_camera` and `check_sensor` of `eimi_drivers.testing`
-check the behaviour of a driver.
+An instrument is any object with the methods and attributes of `PowerSupply`, `Camera` or `Sensor`; inheritance is not
+needed. A driver is a class or a function that opens an instrument and returns this object.
 """
 
 from __future__ import annotations
@@ -22,7 +13,7 @@ from numpy.typing import NDArray
 
 
 class InstrumentError(Exception):
-    """Report a fault of an instrument or of its connection; the message contains the instrument's address."""
+    """Report a fault of an instrument or of its connection."""
 
 
 class InstrumentTimeout(InstrumentError):
@@ -30,19 +21,19 @@ class InstrumentTimeout(InstrumentError):
 
 
 class InstrumentDisconnected(InstrumentError):
-    """Report that the port, the socket or the device no longer exists or was closed."""
+    """Report that the port, the socket or the device does not exist or was closed."""
 
 
 class EndOfPlayback(InstrumentDisconnected):
-    """Report that a recording, which is played back in place of a camera, has no more frames."""
+    """Report that a recording, which replaces a camera, has no more frames."""
 
 
 class ReplyNotUnderstood(InstrumentError):
-    """Report an answer that does not have the form that the manual of the instrument describes."""
+    """Report an answer whose form differs from the manual of the instrument."""
 
 
 class SetPointRefused(InstrumentError):
-    """Report that a requested set-point is outside the limits and was not sent to the instrument."""
+    """Report that a requested set-point is outside the limits and was not sent."""
 
 
 class SetPointNotTaken(InstrumentError):
@@ -59,12 +50,11 @@ class SwitchOffFailed(InstrumentError):
     Parameters
     ----------
     message : str
-        The outcome of every stage of switching off, or the current that still flows, or the reason why the instrument
-        at the address may be another supply.
+        Reason.
     current_A : float, optional
-        The measured current, A. None if no current was measured.
+        Measured current, A; None if no current was measured.
     limit_A : float, optional
-        The largest current with which the supply counts as off, A. None if no current was measured.
+        Largest current with which the supply counts as off, A; None if no current was measured.
     """
 
     def __init__(self, message: str, current_A: float | None = None, limit_A: float | None = None) -> None:
@@ -74,48 +64,44 @@ class SwitchOffFailed(InstrumentError):
 
 
 class AnotherSupply(InstrumentError):
-    """Report that the instrument at the supply's address is not the instrument that was identified there before."""
+    """Report that another instrument than before answers at the address of the supply."""
 
 
 class AnotherSensor(InstrumentError):
-    """Report that the instrument at the sensor's address is not the instrument that was identified there before."""
+    """Report that another instrument than before answers at the address of the sensor."""
 
 
 def raised(error: BaseException) -> str:
-    """Return the type and the message of an error as one line of text, such as "OSError: no such device".
-
-    The line becomes part of the message of an InstrumentError.
-    """
+    """Return the type and the message of an error as one line, such as "OSError: no such device"."""
     return " ".join(f"{type(error).__name__}: {error}".split())
 
 
 class UnusableDriver(InstrumentError):
-    """Report that a driver cannot be imported or lacks a member that is needed. The instrument is not at fault."""
+    """Report that a driver cannot be imported or lacks a required member."""
 
 
 class UnknownDriver(UnusableDriver, KeyError):
     """Report that no driver has the requested name."""
 
     def __str__(self) -> str:
-        """Return the message without the quotation marks that `KeyError` puts around a message."""
+        """Return the message without the quotation marks that `KeyError` adds."""
         return str(self.args[0])
 
 
 @dataclass(frozen=True)
 class Identity:
-    """The identity of an instrument that has answered.
+    """The identity of an instrument.
 
     Parameters
     ----------
     driver : str
-        The name of the driver.
+        Name of the driver.
     text : str
-        The identification text that the instrument sent.
+        Identification text of the instrument.
     address : str
-        The address at which the instrument answered.
+        Address of the instrument.
     serial_number : str
-        The serial number that the instrument sent, or else the serial number of its USB port. Empty if neither exists:
-        two instruments of the same model then cannot be distinguished.
+        Serial number of the instrument or of its USB port; empty if neither exists.
     """
 
     driver: str
@@ -131,13 +117,11 @@ class Limits:
     Parameters
     ----------
     current_A : float
-        The largest permitted current, A; positive. The smallest permitted current is 0, or ``-current_A`` if the supply
-        is bipolar.
+        Largest permitted current, A; positive.
     voltage_V : float
-        The largest permitted voltage, V; positive.
+        Largest permitted voltage, V; positive.
     off_below_A : float, optional
-        The largest measured current with which the supply counts as off, A. None selects the value of the supply's
-        family, which `eimi_drivers.supplies.off.off_limit_A` returns.
+        Largest measured current with which the supply counts as off, A; None for the default of the driver.
     """
 
     current_A: float
@@ -160,12 +144,11 @@ class Off:
     Parameters
     ----------
     current_A : float
-        The last measured current, A, whose magnitude is at most `limit_A`.
+        Last measured current, A.
     limit_A : float
-        The largest current with which the supply counts as off, A.
+        Largest current with which the supply counts as off, A.
     found_off : bool
-        True if the connection to the supply was lost, and the output was off already when the driver had reopened the
-        connection.
+        True if the connection was lost, and the output was already off when the driver had reopened it.
     """
 
     current_A: float
@@ -182,9 +165,9 @@ class Frame:
     image : ndarray, shape (height, width) or (height, width, 3), uint8 or uint16
         Grey values, or colours in the order blue, green, red.
     number : int
-        The number that the camera gives to the frame. Missing numbers between two frames mean that frames were dropped.
+        Number of the frame; a gap between two numbers means lost frames.
     timestamp_s : float
-        The camera's time stamp of the frame, s. The zero of the time is arbitrary.
+        Time stamp of the camera, s, from an arbitrary zero.
     """
 
     image: NDArray[Any]
@@ -194,20 +177,18 @@ class Frame:
 
 @runtime_checkable
 class PowerSupply(Protocol):
-    """The interface through which eimi-lab uses a power supply, which feeds a coil with a constant current.
+    """The interface of a power supply that feeds a coil with a constant current.
 
-    Every call ends within 5 s, either with an answer or with InstrumentTimeout. Every error is an InstrumentError.
+    Every call ends within 5 s. Every error is an InstrumentError.
 
     Optional members:
 
     without_contact: str
-        A text that describes what the output does if the cable is pulled or the computer fails. eimi-lab stores this
-        text in the dataset. If this member is absent, eimi-lab stores that the behaviour is not known.
+        Description of what the output does if the cable is pulled or the computer fails; "not known" if absent.
     reads_zero_within_A: float
-        The largest current (A) that `measure` of a healthy supply returns when no current flows; 0 if this member is
-        absent.
+        Largest current (A) that `measure` returns when no current flows; 0 if absent.
     measures_current: bool
-        True if `measure` returns a measured current, not a set-point; True if this member is absent.
+        True if `measure` returns a measured current, not a set-point; True if absent.
     """
 
     limits: Limits
@@ -219,7 +200,7 @@ class PowerSupply(Protocol):
     def set_voltage(self, voltage_V: float) -> None:
         """Set the compliance voltage (V) and verify the set-point.
 
-        The compliance voltage is the largest voltage that the supply applies in order to reach the set current.
+        The compliance voltage is the largest voltage of the output.
 
         Raises
         ------
@@ -260,8 +241,7 @@ class PowerSupply(Protocol):
         Returns
         -------
         Off or None
-            The measured current and the largest current with which the supply counts as off. None if the driver does
-            not measure the current in this call. eimi-lab then calls `measure`.
+            Measured current and its limit; None if the driver does not measure the current in this call.
 
         Raises
         ------
@@ -270,49 +250,38 @@ class PowerSupply(Protocol):
         """
 
     def close(self) -> None:
-        """Release the port, and leave the output on or off as it is. Closing twice is allowed."""
+        """Release the port without changing the output. Closing twice is allowed."""
 
 
 class SupplyDriver(Protocol):
-    """The arguments of a supply driver, which is a class or a function that opens a supply.
-
-    The driver sends no message when it opens a supply. An output that is on therefore stays on.
+    """A supply driver: a class or a function that opens a supply without sending a message.
 
     Optional members:
 
     connect(address) -> Transport
-        Opens the line (the serial, USB or network connection) to the supply. The driver is then called with the line
-        instead of the address. With `connect`, eimi-lab can record every message (`eimi acquire --transcript`), and a
-        second stop signal (Ctrl-C) takes effect between two messages. If this member is absent, the driver is called
-        with the address, and no call of the supply is interrupted.
+        Opens the connection to the supply. The driver is then called with this connection; if absent, with the address.
     bipolar: bool
-        True if negative currents can be set; False if this member is absent.
+        True if negative currents can be set; False if absent.
     without_contact: str
-        A text that describes what the output does if the cable is pulled or the computer fails. If this member is
-        absent, eimi-lab reports that the behaviour is not known.
+        Description of what the output does if the cable is pulled or the computer fails; "not known" if absent.
     channels: tuple[int, int]
-        The lowest and the highest channel number that an address may have after `#`; (1, 1) if this member is absent.
+        Lowest and highest channel number that may follow `#` in an address; (1, 1) if absent.
     """
 
     def __call__(self, link: Any, limits: Limits, clock: Clock, /) -> PowerSupply:
-        """Open a supply and return it. `link` is the connection that `connect` returned, or the address as text."""
+        """Open a supply and return it; `link` is the result of `connect`, or the address if `connect` is absent."""
 
 
 @runtime_checkable
 class Camera(Protocol):
-    """The interface through which eimi-lab uses a camera, or an object that takes the place of a camera.
-
-    `eimi_drivers.cameras.timed` makes all calls from one thread and sets a deadline for each call. Every error is an
-    InstrumentError.
+    """The interface of a camera. Every error is an InstrumentError.
 
     Optional members:
 
     settings: CameraSettings
-        The settings that were read back from the camera when it was opened. If this member is absent, the camera has no
-        settings, and eimi-lab refuses to open the camera if a setting is requested.
+        Settings of the open camera; if absent, no setting can be requested.
     lost_frames: Mapping[str, int]
-        For each reason, the number of frames that did not arrive completely since the camera was opened. Frames that
-        `flush` discards do not count. If this member is absent, eimi-lab counts the missing frame numbers instead.
+        Number of lost frames for each reason; if absent, eimi-lab counts the missing frame numbers.
     """
 
     def identify(self) -> Identity:
@@ -337,13 +306,12 @@ class Camera(Protocol):
 
 
 class CameraDriver(Protocol):
-    """The arguments of a camera driver, which is a class or a function that opens a camera."""
+    """A camera driver: a class or a function that opens a camera."""
 
     def __call__(self, source: str | int, settings: Any, /) -> Camera:
         """Open a camera, apply the `CameraSettings`, and return the camera.
 
-        `source` identifies the camera. The driver defines its meaning, such as a device number, a serial number or the
-        path of a recording.
+        `source` is, for example, a device number, a serial number or the path of a recording.
         """
 
 
@@ -354,13 +322,13 @@ class SensorReading:
     Parameters
     ----------
     value : float
-        The value in `unit`; finite.
+        Value in `unit`; finite.
     unit : str
-        "mT" for a field, "degC" for a temperature, and for any other quantity the unit that the sensor uses.
+        "mT" for a field, "degC" for a temperature, the unit of the sensor for another quantity.
     time_s : float
-        The time at which the value arrived, s, on the clock with which the sensor was opened.
+        Time at which the value arrived, s, on the clock of the sensor's driver.
     standard_uncertainty : float or None
-        The standard uncertainty of the value in `unit`, as the sensor reports it. None if the sensor reports none.
+        Standard uncertainty in `unit`; None if the sensor reports none.
     """
 
     value: float
@@ -371,9 +339,7 @@ class SensorReading:
 
 @runtime_checkable
 class Sensor(Protocol):
-    """The interface through which eimi-lab uses a sensor: an instrument that measures one number.
-
-    Examples are a gaussmeter and a thermometer.
+    """The interface of a sensor, an instrument that measures one number, such as a gaussmeter.
 
     Every call ends within 4 s, or within 2 s if no instrument answers. Every error is an InstrumentError.
     No call changes a setting of the sensor.
@@ -406,21 +372,20 @@ class Sensor(Protocol):
 
 
 class SensorDriver(Protocol):
-    """The arguments of a sensor driver, which is a class or a function that opens a sensor.
+    """A sensor driver: a class or a function that opens a sensor.
 
     Optional members:
 
     connect(address) -> Transport
-        Opens the line (the serial, USB or network connection) to the sensor. The driver is then called with the line
-        instead of the address. If this member is absent, the driver is called with the address.
+        Opens the connection to the sensor. The driver is then called with this connection; if absent, with the address.
     """
 
     def __call__(self, link: Any, clock: Clock, /) -> Sensor:
-        """Open a sensor and return it. `link` is the connection that `connect` returned, or the address as text."""
+        """Open a sensor and return it; `link` is the result of `connect`, or the address if `connect` is absent."""
 
 
 class Clock(Protocol):
-    """A clock with which drivers measure time and wait: real time, or simulated time with simulated instruments."""
+    """A clock with which drivers measure time and wait, in real or simulated seconds."""
 
     def now(self) -> float:
         """Return the time since an arbitrary zero, s. The time never decreases."""

@@ -1,8 +1,6 @@
-"""List the instruments that announce themselves on the local network (multicast DNS).
+"""List the instruments that announce themselves on the local network by multicast DNS.
 
-An LXI instrument announces its web page as ``_lxi._tcp`` with maker, model and serial number. The instrument announces
-its interfaces as ``_scpi-raw._tcp``, ``_hislip._tcp`` or ``_vxi-11._tcp`` (LXI Device Specification, section 10). The
-search opens no connection to an instrument, because the instrument may be in use.
+Source: LXI Device Specification, section 10.
 """
 
 from __future__ import annotations
@@ -29,14 +27,13 @@ class LanInstrument:
     Parameters
     ----------
     host : str
-        The IPv4 address of the instrument.
+        IPv4 address of the instrument.
     address : str
-        The VISA resource of the instrument. Empty if the instrument announced only its web page and the TCP port for
-        commands is unknown.
+        VISA resource of the instrument; empty if not known.
     text : str
-        Maker, model and serial number, as far as the instrument announced them.
+        Maker, model and serial number, as far as they are announced.
     recognised : Recognised or None
-        The driver for this maker and model; None if no driver fits.
+        Driver for this maker and model; None if no driver fits.
     """
 
     host: str
@@ -57,37 +54,32 @@ class _Announced:
 def list_lan_instruments(
     search_s: float = SEARCH_S, interfaces: Sequence[str] | InterfaceChoice = InterfaceChoice.Default
 ) -> tuple[LanInstrument, ...]:
-    """Search the network, and return the instruments that announce themselves during the search.
+    """Return the instruments that announce themselves on the network during the search.
 
     Parameters
     ----------
     search_s : float
-        The duration of the search, s.
+        Duration of the search, s.
     interfaces : sequence of str or InterfaceChoice
-        The addresses of this computer's network interfaces that are searched. The default is the interface of the
-        default route.
+        Addresses of this computer's network interfaces that are searched.
 
     Returns
     -------
     tuple of LanInstrument
-        The instruments, sorted by `host`.
+        Instruments, sorted by `host`.
 
     Raises
     ------
     OSError
         The network cannot be used.
     """
+    # In a notebook the main thread has an event loop. zeroconf would use this loop and wait forever.
     with ThreadPoolExecutor(1, "search of the network") as thread:
         return _by_host(thread.submit(_announced_services, search_s, interfaces).result())
 
 
 def _announced_services(search_s: float, interfaces: Sequence[str] | InterfaceChoice) -> list[ServiceInfo]:
-    """Return the services that instruments announce within `search_s` (s).
-
-    Call this function in a thread without an event loop of asyncio. In a notebook, the main thread has such a loop. The
-    library zeroconf would use this loop, and would wait forever, because the loop stands still while this function
-    waits.
-    """
+    """Return the services that instruments announce within `search_s` (s)."""
     services: dict[tuple[str, str], None] = {}
 
     def note(zeroconf: Zeroconf, service_type: str, name: str, state_change: ServiceStateChange) -> None:
@@ -126,11 +118,8 @@ def _instrument(host: str, announced: _Announced) -> LanInstrument:
 
 
 def _address(host: str, ports: dict[str, int], recognised: Recognised | None) -> str:
-    """Return the VISA resource by which the instrument at `host` can be opened; empty if it announced none.
-
-    `ports` contains the announced ports by kind of service. A TCP socket is preferred, then HiSLIP, then VXI-11. The
-    port of the socket comes from `ports` or, if it was not announced, from the description `recognised` of the model.
-    """
+    """Return the VISA resource of the instrument at `host`; empty if no port in `ports` fits."""
+    # a TCP socket is preferred, then HiSLIP, then VXI-11
     if port := ports.get(RAW) or (recognised.port if recognised else 0):
         return f"TCPIP::{host}::{port}::SOCKET"
     if HISLIP in ports:
