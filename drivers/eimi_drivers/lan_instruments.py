@@ -118,7 +118,7 @@ def _instrument(host: str, announced: _Announced) -> LanInstrument:
 
 
 def _address(host: str, ports: dict[str, int], recognised: Recognised | None) -> str:
-    """Return the VISA resource of the instrument at `host`; empty if no port in `ports` fits."""
+    """Return the VISA resource of the instrument at `host`; empty if no port is known."""
     # a TCP socket is preferred, then HiSLIP, then VXI-11
     if port := ports.get(RAW) or (recognised.port if recognised else 0):
         return f"TCPIP::{host}::{port}::SOCKET"

@@ -1,11 +1,11 @@
-"""Drivers of gaussmeters, thermometers and other sensors, and `open_sensor`, which opens a sensor by its driver's name.
+"""Drivers of gaussmeters, thermometers and other sensors; `open_sensor` opens a sensor by the name of its driver.
 
 sensor_names      the drivers by name
-base              the functions of every driver: one query, one answer, a time limit
+base              the functions of every driver: send a query, read one line
 lake_shore        Lake Shore 425 and 475 gaussmeters
 fw_bell           F.W. Bell 5080 gaussmeters
 coil_thermometer  the coil as a thermometer: its resistance increases with its temperature
-text_line         a microcontroller with a sensor that answers in lines of text
+text_line         a microcontroller board that answers in lines of text
 """
 
 from eimi_drivers.sensors.sensor_names import SENSORS, open_sensor

@@ -1,4 +1,4 @@
-"""Implement the functions of all sensor drivers: send a query, and read one line of text within a time limit."""
+"""Send a query to a sensor, and read one line of text within a time limit."""
 
 from __future__ import annotations
 
@@ -29,30 +29,27 @@ IDENTITY = "*IDN?"
 class SensorBase(ABC):
     """Base class of drivers for sensors that answer every query with one line of text.
 
-    If the connection was cut, the next query opens the connection again. The driver then checks the identity of the
-    sensor before it uses further values.
-
     Parameters
     ----------
     link : Transport
-        The serial, USB or network connection to the sensor. The constructor sends nothing.
+        Serial, USB or network connection to the sensor.
     clock : Clock
-        The clock for all waits: real or simulated time.
+        Clock for all waits: real or simulated time.
 
     Attributes
     ----------
     name : str
-        The name of the driver in a rig file, which lists the instruments of a set-up.
+        Name of the driver.
     timeout_s : float
-        The longest time that the driver waits for an answer, s.
+        Longest wait for an answer, s.
     baud_rate : int
-        The speed of a serial connection, bit/s.
+        Speed of a serial connection, bit/s.
     data_bits : int
-        The number of data bits on a serial connection, 7 or 8.
+        Number of data bits, 7 or 8.
     parity : str
-        The parity on a serial connection: "N" for none, "O" for odd, "E" for even.
+        "N" for none, "O" for odd, "E" for even.
     ends_with : bytes
-        The bytes at the end of a query. An answer ends with a line feed.
+        End of a query.
     """
 
     name: str
@@ -70,7 +67,7 @@ class SensorBase(ABC):
 
     @classmethod
     def connect(cls, address: str) -> Transport:
-        """Open the serial port or the VISA resource at the address, and return the connection."""
+        """Open the serial port or the VISA resource, and return the connection."""
         if is_serial_port(address):
             return SerialTransport(address, cls.baud_rate, cls.data_bits, cls.parity)
         return VisaTransport(address)
@@ -78,7 +75,7 @@ class SensorBase(ABC):
     def identify(self) -> Identity:
         """Return the identity from the answer to ``*IDN?``.
 
-        Raises AnotherSensor if the answer differs from the first answer since the driver was opened.
+        Raises AnotherSensor if the identity has changed since the driver was opened.
         """
         text = self._ask(IDENTITY).strip()
         if not text.isprintable() or not text:
@@ -113,7 +110,7 @@ class SensorBase(ABC):
         return SensorReading(value, unit, self._clock.now(), standard_uncertainty)
 
     def _ask(self, question: str) -> str:
-        """Send a query, and return its answer as text without the characters that end the line."""
+        """Send a query, and return the answer as text without the end of the line."""
         if self._cut:
             if not self._link.reopen():
                 raise InstrumentDisconnected(f"{self._link.address}: the connection was lost; check the sensor's cable")

@@ -1,7 +1,4 @@
-"""Use the coil as a thermometer: the resistance of its copper increases with the temperature.
-
-The resistance is the measured voltage divided by the measured current.
-"""
+"""Use a copper coil as a thermometer: its resistance increases with the temperature."""
 
 from __future__ import annotations
 
@@ -29,26 +26,22 @@ LEAST_SHARE = 0.2
 
 
 class CoilThermometer:
-    """Sensor for the mean temperature of a copper coil, computed from the voltage and current that the supply measures.
+    """Sensor for the mean temperature of a copper coil, from the voltage and current that the supply measures.
 
-    The resistance R of copper is R = R₂₀ (1 + α (T - 20 °C)), where T is the temperature, R₂₀ the resistance at 20 °C,
-    and α = `COPPER_PER_K`. Before the run the coil has the known temperature T₀, and its resistance R₀ is measured.
-    Dividing the equations for R and R₀ eliminates R₂₀, so that T = 20 °C + ((R / R₀) (1 + α (T₀ - 20 °C)) - 1) / α. The
-    resistance of the leads is assumed to stay constant.
-
-    The resistance is measured only while the current is at least `LEAST_SHARE` times `at_rest_A`. With a smaller
-    current `read` returns the last temperature with its time.
+    The temperature is T = 20 °C + ((R / R₀) (1 + α (T₀ - 20 °C)) - 1) / α. R is the resistance (voltage / current), R₀
+    the resistance at the known temperature T₀ before the run, and α = `COPPER_PER_K` the temperature coefficient of
+    copper at 20 °C.
 
     Parameters
     ----------
     measure : callable
         Returns the measured output of the supply, a `Reading`.
     clock : Clock
-        The clock for all waits: real or simulated time.
+        Clock for all waits: real or simulated time.
     at_rest_degC : float
-        The temperature T₀ of the coil before the run, °C, which is the temperature of the room.
+        Temperature T₀ of the coil before the run, °C.
     at_rest_A : float
-        The current with which the resistance R₀ is measured before the run, A.
+        Current with which R₀ is measured, A.
     """
 
     name: str = "coil-resistance"
@@ -62,19 +55,16 @@ class CoilThermometer:
         self._last = SensorReading(at_rest_degC, "degC", clock.now())
 
     def identify(self) -> Identity:
-        """Return an identity that describes the coil. No instrument is asked."""
+        """Return an identity that describes the coil."""
         return Identity(self.name, f"copper coil, {self.at_rest_degC:g} °C at rest", "supply")
 
     def measure_at_rest(self, between_readings: Callable[[], None]) -> None:
-        """Measure the resistance R₀ of the coil before the run, while the current `at_rest_A` flows.
-
-        R₀ is the mean of `READINGS_AT_REST` measurements.
+        """Measure the resistance of the coil before the run, as the mean of `READINGS_AT_REST` measurements.
 
         Parameters
         ----------
         between_readings : callable
-            A function that is called before each measurement, so that the caller can watch the supply. The function may
-            raise an error.
+            Function that is called before each measurement; it may raise an error.
 
         Raises
         ------
@@ -93,7 +83,7 @@ class CoilThermometer:
         self._share_at_rest = math.hypot(self._scatter / math.sqrt(READINGS_AT_REST), _digits_share(readings[-1]))
 
     def read(self) -> SensorReading:
-        """Return the temperature of the coil (°C); if the current is too small, return the last temperature."""
+        """Return the temperature of the coil (°C); the last temperature if the current is too small."""
         reading = self._measure()
         if self._at_rest_ohm is None or abs(reading.current_A) < LEAST_SHARE * self.at_rest_A:
             return self._last
@@ -105,14 +95,13 @@ class CoilThermometer:
         return self._last
 
     def close(self) -> None:
-        """Do nothing, because the thermometer does not own the supply."""
+        """Do nothing; the supply stays open."""
 
 
 def _digits_share(reading: Reading) -> float:
-    """Return the relative standard uncertainty that the rounding of voltage and current causes in their quotient.
+    """Return the relative standard uncertainty of voltage / current that results from their rounding.
 
-    The quotient is the resistance. The meters of the supply round the voltage and the current in `reading`. A value
-    that is rounded to steps of the size d has the standard uncertainty d / √12 (JCGM 100:2008, F.2.2.1).
+    A value that is rounded to steps of the size d has the standard uncertainty d / √12 (JCGM 100:2008, F.2.2.1).
     """
     return math.hypot(STEP_V / reading.voltage_V, STEP_A / reading.current_A) / math.sqrt(12.0)
 

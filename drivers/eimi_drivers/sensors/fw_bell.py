@@ -13,12 +13,9 @@ _MILLITESLA = {"G": 0.1, "T": 1000.0}
 
 
 class FWBell5080(SensorBase):
-    """Driver of an F.W. Bell 5080 gaussmeter on a serial port (2400 bit/s, 8 data bits, no parity).
+    """Driver of an F.W. Bell 5080 gaussmeter on a serial port; the unit at its front panel must be gauss or tesla.
 
-    The answer to ``:MEASure:FLUX?`` is the field with its unit, such as ``12.34G``. A semicolon may follow. The query
-    and the form of the answer are taken from PyMeasure 0.16 (class FWBell5080), because the manual was not available.
-    The user must select gauss or tesla at the front panel; a value in A/m raises ReplyNotUnderstood. The meter reports
-    no uncertainty.
+    Source: class FWBell5080 of PyMeasure 0.16. The manual was not available.
     """
 
     name: str = "fwbell-5080"

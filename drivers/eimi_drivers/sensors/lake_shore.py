@@ -1,8 +1,4 @@
-"""Read Lake Shore 425 and 475 gaussmeters.
-
-The queries are taken from the manuals. The drivers change no setting: the user sets range, filter, unit and the zero
-of the probe at the front panel.
-"""
+"""Read Lake Shore 425 and 475 gaussmeters without changing a setting."""
 
 from __future__ import annotations
 
@@ -19,12 +15,9 @@ MILLITESLA: dict[str, float] = {"1": 0.1, "2": 1000.0, "3": 0.1, "4": 4e-4 * 3.1
 
 
 class LakeShore425(SensorBase):
-    """Driver of a Lake Shore 425 gaussmeter on USB, a serial port with 57600 bit/s, 7 data bits and odd parity.
+    """Driver of a Lake Shore 425 gaussmeter on USB.
 
-    The answer to ``*IDN?`` contains maker, model, serial number and firmware (Model 425 User's Manual, section 6.3.1,
-    page 52). The answer to ``UNIT?`` is the unit of all values (page 57). The answer to ``RDGFIELD?`` is the field,
-    such as ``+123.450E-03`` (section 6.3.1, table of commands). The meter reports no uncertainty. An uncertainty can be
-    given in the rig file.
+    Source: Model 425 User's Manual, section 6.3.1, pages 52 and 57.
     """
 
     name: str = "lakeshore-425"
@@ -33,10 +26,7 @@ class LakeShore425(SensorBase):
     parity: ClassVar[str] = "O"
 
     def read(self) -> SensorReading:
-        """Return the measured field, mT.
-
-        The driver asks for the unit each time, because a person can change the unit at the front panel.
-        """
+        """Return the measured field, mT."""
         unit = self._ask("UNIT?").strip()
         if unit not in MILLITESLA:
             raise self._not_understood("UNIT?", unit, f"one of {', '.join(MILLITESLA)}")
@@ -45,10 +35,9 @@ class LakeShore425(SensorBase):
 
 
 class LakeShore475(LakeShore425):
-    """Driver of a Lake Shore 475 gaussmeter on a serial port (9600 bit/s, 7 data bits, odd parity) or on GPIB.
+    """Driver of a Lake Shore 475 gaussmeter on a serial port or on GPIB.
 
-    The queries are ``*IDN?``, ``UNIT?`` and ``RDGFIELD?``, as for the Lake Shore 425. The serial port has the same
-    commands as GPIB (Model 475 User's Manual, sections 6.0 and 6.3, pages 6-1 and 6-37 f.).
+    Source: Model 475 User's Manual, sections 6.0 and 6.3, pages 6-1 and 6-37 f.
     """
 
     name: str = "lakeshore-475"

@@ -23,21 +23,16 @@ SENSORS: Drivers[SensorDriver] = Drivers(
 
 
 def open_sensor(driver: str, address: str, clock: Clock | None = None) -> Sensor:
-    """Open the sensor at an address without sending a message.
+    """Open the sensor at an address and return it. No message is sent.
 
     Parameters
     ----------
     driver : str
-        A name in `SENSORS`.
+        Name of the driver, such as "lake-shore-425".
     address : str
-        A serial port or a VISA resource, in the form that the driver expects.
+        Serial port or VISA resource.
     clock : Clock, optional
-        The clock for all waits; the default is real time (the wall clock).
-
-    Returns
-    -------
-    Sensor
-        The open sensor.
+        Clock for all waits; real time by default.
 
     Raises
     ------
@@ -54,18 +49,16 @@ def open_sensor(driver: str, address: str, clock: Clock | None = None) -> Sensor
 def open_with(driver: SensorDriver, name: str, address: str, clock: Clock) -> Sensor:
     """Open a sensor with a driver that is given as an object, and return the sensor. No message is sent.
 
-    The driver need not be in `SENSORS`.
-
     Parameters
     ----------
     driver : SensorDriver
-        The class or the function that opens the sensor.
+        Class or function that opens the sensor.
     name : str
-        The name of the driver in messages.
+        Name of the driver, for messages.
     address : str
-        A serial port or a VISA resource, in the form that the driver expects.
+        Serial port or VISA resource.
     clock : Clock
-        The clock for all waits: real or simulated time.
+        Clock for all waits: real or simulated time.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Read a microcontroller board with a sensor that answers in lines of text; see docs/howto/measure_the_field.md."""
+"""Read a microcontroller board with a sensor; see docs/howto/measure_the_field.md."""
 
 from __future__ import annotations
 
@@ -17,19 +17,17 @@ _UNIT = re.compile(r"[A-Za-z%/°]{1,12}")
 class TextLine(SensorBase):
     """Driver of a board with a sensor on a serial port (115200 bit/s, 8 data bits, no parity).
 
-    The board answers two queries. The answer to ``*IDN?`` is one line, such as ``my lab,hall-board,1,1.0``. The answer
-    to ``READ?`` is a line with value, unit and standard uncertainty, separated by spaces: ``1.2345 mT 0.02``. The
-    uncertainty is optional. Every line ends with a line feed. A carriage return before the line feed is ignored.
+    The board answers ``*IDN?`` with a line such as ``my lab,hall-board,1,1.0``, and ``READ?`` with value, unit and
+    (optional) standard uncertainty, such as ``1.2345 mT 0.02``.
     """
 
     name: str = "text-line"
     baud_rate: ClassVar[int] = 115200
 
     def identify(self) -> Identity:
-        """Return the identity from the answer to ``*IDN?``.
+        """Return the identity from the answer to ``*IDN?``, after the board has started.
 
-        The first query after opening is repeated for about `STARTS_WITHIN_S` (s), until the board has started. Raises
-        AnotherSensor if the answer differs from the first answer since the driver was opened.
+        Raises AnotherSensor if the identity has changed since the driver was opened.
         """
         if self._bound is None:
             for _ in range(STARTS_WITHIN_S - 1):
@@ -40,7 +38,7 @@ class TextLine(SensorBase):
         return super().identify()
 
     def read(self) -> SensorReading:
-        """Return a new value of the board, with its unit and, if the board sends it, its standard uncertainty."""
+        """Return a new value of the board, with its unit and, if sent, its standard uncertainty."""
         answer = self._ask("READ?")
         parts = answer.split()
         if len(parts) not in (2, 3) or not _UNIT.fullmatch(parts[1]):

@@ -1,14 +1,10 @@
-"""Check a new driver of a supply, a camera or a sensor. No test framework is needed.
+"""Test the behaviour of a new driver of a supply, a camera or a sensor, without a test framework.
 
 supply_checks   the checks of a supply driver; `check_supply` runs all of them
 camera_checks   the checks of a camera driver; `check_camera` runs all of them
 sensor_checks   the checks of a sensor driver; `check_sensor` runs all of them
 supply_bench    connect a supply driver to an emulated instrument with a coil
 claims          raise an error if a driver does not do what a check requires
-
-`check_supply`, `check_camera` and `check_sensor` raise one AssertionError that lists every failed check.
-`SUPPLY_CHECKS`, `CAMERA_CHECKS` and `SENSOR_CHECKS` are tuples of the single checks. A test framework can use these
-tuples to report each check separately.
 """
 
 from eimi_drivers.testing.camera_checks import CAMERA_CHECKS, check_camera

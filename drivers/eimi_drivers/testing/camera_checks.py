@@ -1,4 +1,4 @@
-"""Check the behaviour that every camera driver must have. The name of each check describes the required behaviour."""
+"""Checks of a camera driver. The name of each check describes the required behaviour."""
 
 from __future__ import annotations
 
@@ -36,22 +36,22 @@ STORED = 8
 
 @dataclass
 class CameraBench:
-    """An open camera of the driver that is checked, and the functions that disturb the camera.
+    """An open camera, and the functions that disturb the camera.
 
     Attributes
     ----------
     open : callable
-        Opens the camera again, by default with the same source and settings, and returns the camera.
+        Opens the camera again and returns it.
     camera : Camera
-        The open camera.
+        Open camera.
     settings : CameraSettings
-        The settings with which the camera was opened.
+        Settings of the open camera.
     absent : str, int or None
-        A source at which no camera exists; None if no such source is known.
+        Source without a camera; None if not known.
     freeze : callable or None
-        A function after whose call the camera delivers no new frames; None if there is no such function.
+        Stops the frames of the camera; None if not possible.
     unplug : callable or None
-        A function that disconnects the camera; None if there is no such function.
+        Disconnects the camera; None if not possible.
     """
 
     open: Callable[..., Camera]
@@ -101,7 +101,7 @@ def goes_on_after_a_flush(bench: CameraBench) -> None:
 
 
 def reads_its_settings_back(bench: CameraBench) -> None:
-    """Check that the camera has the requested settings: in its attribute `settings`, and in the size of its frames."""
+    """Check that the attribute `settings` and the size of the frames agree with the requested settings."""
     bench.settings.verify("the camera", settings_of(bench.camera))
     if bench.settings.region is not None:
         width, height = bench.settings.region[2:]
@@ -113,7 +113,7 @@ def reads_its_settings_back(bench: CameraBench) -> None:
 
 
 def refuses_a_setting_that_cannot_be(bench: CameraBench) -> None:
-    """Check that an empty region raises InstrumentError, and that the camera then opens with valid settings."""
+    """Check that an empty region raises InstrumentError, and that valid settings are then accepted."""
     bench.camera.close()
     impossible = CameraSettings(region=(0, 0, 0, 0))
     must_raise((InstrumentError,), f"opening with {impossible}", lambda: bench.open(settings=impossible))
@@ -122,7 +122,7 @@ def refuses_a_setting_that_cannot_be(bench: CameraBench) -> None:
 
 
 def works_in_a_thread_of_its_own(bench: CameraBench) -> None:
-    """Check that the camera works outside the main thread. eimi-lab calls every camera from a separate thread."""
+    """Check that the camera works outside the main thread."""
     bench.camera.close()
     camera = TimedCamera("the camera", bench.open)
     try:
@@ -133,10 +133,7 @@ def works_in_a_thread_of_its_own(bench: CameraBench) -> None:
 
 
 def is_closed_when_it_is_closed(bench: CameraBench) -> None:
-    """Check that closing twice is allowed, and that a closed camera can be opened again.
-
-    `grab` of a closed camera must raise InstrumentError.
-    """
+    """Check that closing twice is allowed, that a closed camera raises InstrumentError, and that it can be reopened."""
     bench.camera.close()
     bench.camera.close()
     must_raise((InstrumentError,), "grab() of a closed camera", lambda: _in_time(bench.camera))
@@ -192,30 +189,29 @@ def check_camera(
     unplug: Callable[[], object] | None = None,
     checks: Iterable[Callable[[CameraBench], None]] = CAMERA_CHECKS,
 ) -> None:
-    """Check a camera driver with a camera, or with an object or program that takes the place of a camera.
+    """Check a camera driver with a camera or an object that replaces a camera.
 
     Parameters
     ----------
     open : CameraDriver
-        The driver: a class or a function that follows `CameraDriver`.
+        Driver: a class or a function that opens a camera.
     source : str or int
-        The source of a camera that delivers at least three frames each time it is opened.
+        Source of a camera that delivers at least three frames each time it is opened.
     settings : CameraSettings, optional
-        Settings that the camera accepts and reads back.
+        Settings that the camera accepts.
     absent : str or int, optional
-        A source at which no camera exists. If `absent` is None, the check of a source without a camera does nothing.
+        Source without a camera; None omits the check of this source.
     freeze : callable, optional
-        A function after whose call the open camera delivers no new frames. If `freeze` is None, the check of a camera
-        without new frames does nothing.
+        Stops the frames of the open camera; None omits the check of a camera without new frames.
     unplug : callable, optional
-        A function that disconnects the open camera. If `unplug` is None, the check of an unplugged camera does nothing.
+        Disconnects the open camera; None omits the check of a disconnected camera.
     checks : iterable of functions, optional
-        A selection of `CAMERA_CHECKS`; the default is all checks. The camera is reopened for each check.
+        Selection of `CAMERA_CHECKS`; all checks by default.
 
     Raises
     ------
     AssertionError
-        At least one check failed. The message contains the name of every failed check and the correct behaviour.
+        At least one check failed; the message lists all failed checks.
     """
     name = str(getattr(open, "name", getattr(open, "__name__", "camera")))
 
@@ -242,7 +238,7 @@ def _in_time(camera: Camera) -> Frame:
 
 
 def _grab_new(camera: Camera) -> Frame:
-    """Discard the frames that are left from before the camera was disturbed, and return the next frame."""
+    """Discard the frames that were exposed before the camera was disturbed, and return the next frame."""
     for _ in range(STORED):
         _in_time(camera)
     return _in_time(camera)

@@ -1,4 +1,4 @@
-"""Run checks of a driver, and raise an error that describes each unmet requirement."""
+"""Run checks of a driver, and raise an error that describes each failure."""
 
 from __future__ import annotations
 
@@ -17,30 +17,27 @@ LONGEST = 60
 
 
 def claim(holds: bool, otherwise: str) -> None:
-    """Raise AssertionError with the message `otherwise` if `holds` is false.
-
-    Unlike the `assert` statement, this function also works if Python runs with the option -O.
-    """
+    """Raise AssertionError with the message `otherwise` if `holds` is false."""
     if not holds:
         raise AssertionError(otherwise)
 
 
 def must_raise(errors: tuple[type[Exception], ...], doing: str, act: Callable[[], object]) -> Exception:
-    """Call `act`, which must raise one of the permitted errors, and return this error.
+    """Call `act`, which must raise an error of one of the given types, and return this error.
 
     Parameters
     ----------
     errors : tuple of exception classes
-        The permitted errors.
+        Permitted types.
     doing : str
-        A description of the call for messages.
+        Description of the call, for messages.
     act : callable
-        The function that is called.
+        Function that is called.
 
     Raises
     ------
     AssertionError
-        `act` raised no error, or an error that is not permitted.
+        `act` raised no error or an error of another type.
     """
     wanted = " or ".join(error.__name__ for error in errors)
     try:
@@ -55,16 +52,16 @@ def must_raise(errors: tuple[type[Exception], ...], doing: str, act: Callable[[]
 
 
 def within(seconds: float, doing: str, act: Callable[[], Value]) -> Value:
-    """Call `act` in a new thread, and return its value or raise its error.
+    """Call `act`, and return its value or raise its error.
 
     Parameters
     ----------
     seconds : float
-        The time limit, s.
+        Time limit, s.
     doing : str
-        A description of the call for messages.
+        Description of the call, for messages.
     act : callable
-        The function that is called.
+        Function that is called in a new thread.
 
     Raises
     ------
@@ -92,23 +89,21 @@ def within(seconds: float, doing: str, act: Callable[[], Value]) -> Value:
 def run_checks(
     subject: str, checks: Iterable[Check[Bench]], open_bench: Callable[[], AbstractContextManager[Bench]]
 ) -> None:
-    """Run every check, each with a new bench, and raise one error that lists all failed checks.
-
-    A bench is an object that contains an opened instrument for one check.
+    """Run all checks, and raise one error that lists the failed checks.
 
     Parameters
     ----------
     subject : str
-        The driver that is checked, for the message.
+        Name of the driver, for the message.
     checks : iterable of functions
-        The checks. Each check takes the bench and raises an error if it fails.
+        Functions that take an open instrument (a bench) and raise an error if the check fails.
     open_bench : callable
-        Returns a context manager that opens a new bench.
+        Returns a context manager that opens the instrument for one check.
 
     Raises
     ------
     AssertionError
-        At least one check failed. The message lists all failed checks.
+        At least one check failed; the message lists all failed checks.
     """
     failures: list[str] = []
     cause: Exception | None = None

@@ -1,4 +1,4 @@
-"""Check the behaviour that every sensor driver must have, with an emulated instrument."""
+"""Checks of a sensor driver with an emulated instrument (software that behaves like an instrument)."""
 
 from __future__ import annotations
 
@@ -35,22 +35,22 @@ CALL_WITHIN_S = 2.0
 
 @dataclass
 class SensorBench:
-    """An open sensor of the driver that is checked, the emulated instrument, and the true value of the quantity.
+    """An open sensor, the emulated instrument, and the true value of the measured quantity.
 
     Parameters
     ----------
     sensor : Sensor
-        The sensor that the driver opened.
+        Open sensor.
     true : list of float
-        The true values of the quantity in `unit`. The last element is the present value.
+        True values in `unit`; the last element is the present value.
     unit : str
-        The unit of the true values.
+        Unit of the true values.
     line : FaultyInstrument
-        The emulated instrument, into which faults can be injected.
+        Emulated instrument that can produce faults.
     clock : Clock
-        The clock of the driver and of the emulated instrument.
+        Clock of the driver and of the emulated instrument.
     address : str
-        The address at which the sensor was opened.
+        Address of the sensor.
     """
 
     sensor: Sensor
@@ -61,7 +61,7 @@ class SensorBench:
     address: str
 
     def reads(self, value: float) -> None:
-        """Change the true value to `value`, and raise AssertionError if the sensor returns another value."""
+        """Set the true value, and raise AssertionError if the sensor returns another value."""
         self.true.append(value)
         before_s = self.clock.now()
         reading = self.sensor.read()
@@ -83,7 +83,7 @@ class SensorBench:
 
 
 def states_its_identity(bench: SensorBench) -> None:
-    """Check that `identify` returns driver, text and address, and that `timeout_s` is above 0 and not too long."""
+    """Check that `identify` returns driver, text and address, and that `timeout_s` is positive and not too long."""
     identity = bench.sensor.identify()
     claim(isinstance(identity, Identity), f"identify() should return an Identity, not {identity!r}")
     claim(bool(identity.driver and identity.text), f"identify() should return a driver and a text, not {identity}")
@@ -104,7 +104,7 @@ def reads_values_of_either_sign(bench: SensorBench) -> None:
 
 
 def gives_up_on_a_silent_line(bench: SensorBench) -> None:
-    """Check that a query without an answer raises InstrumentTimeout in time, and that later queries work."""
+    """Check that a missing answer raises InstrumentTimeout in time, and that later queries work."""
     bench.reads(1.0)
     bench.line.inject(Fault.SILENCE)
     for _ in range(2):
@@ -125,10 +125,7 @@ def understands_no_garbage(bench: SensorBench) -> None:
 
 
 def takes_no_late_answer_for_the_next(bench: SensorBench) -> None:
-    """Check that the driver waits 0.3 s for an answer, and discards an answer that comes after its time limit.
-
-    Otherwise the next query would return a value that belongs to the previous query.
-    """
+    """Check that the driver waits 0.3 s for an answer, and discards an answer that comes after its time limit."""
     bench.line.inject(Fault.SLOW)
     bench.reads(1.0)
     bench.line.late_s = bench.sensor.timeout_s + 0.3
@@ -149,7 +146,8 @@ def reports_a_cut_line(bench: SensorBench) -> None:
 
 
 def closes_twice(bench: SensorBench) -> None:
-    """Check that closing twice is allowed, and that `read` of a closed sensor raises InstrumentError or no error."""
+    """Check that closing twice is allowed, and that `read` of a closed sensor raises no other error than InstrumentError.
+    """
     bench.sensor.close()
     bench.sensor.close()
     with suppress(InstrumentError):
@@ -180,16 +178,13 @@ def sensor_bench(
     Parameters
     ----------
     open : SensorDriver
-        The driver.
+        Driver.
     emulator : callable
-        Takes an `EmulatedQuantity` and returns the emulated instrument, whose `receive(data: bytes) -> bytes` answers
-        queries.
+        Takes an `EmulatedQuantity` and returns an object whose `receive(data: bytes) -> bytes` answers queries.
     unit : str
-        The unit of the values, such as "mT" or "degC".
+        Unit of the values, such as "mT" or "degC".
     serve : callable, optional
-        A context manager that makes the emulated instrument reachable and yields the instrument's address. If `serve`
-        is None, a driver with `connect` is connected in this process in simulated time, and a driver without `connect`
-        through a pseudo-terminal.
+        Context manager that yields the address of the emulated instrument, such as `serve_pty` or `serve_tcp`.
     """
     name = str(getattr(open, "name", getattr(open, "__name__", "sensor")))
     with ExitStack() as stack:
@@ -222,23 +217,21 @@ def check_sensor(
     Parameters
     ----------
     open : SensorDriver
-        The driver: a class or a function that follows `SensorDriver`.
+        Driver: a class or a function that opens a sensor.
     emulator : callable
-        Takes an `EmulatedQuantity` and returns an object whose `receive(data: bytes) -> bytes` answers queries.
-        Example: ``lambda quantity: emulate_sensor("text-line", quantity)``.
+        Takes an `EmulatedQuantity` and returns an object whose `receive(data: bytes) -> bytes` answers queries, such as
+        ``lambda quantity: emulate_sensor("text-line", quantity)``.
     unit : str
-        The unit of the values, such as "mT" or "degC".
+        Unit of the values, such as "mT" or "degC".
     serve : callable, optional
-        A context manager that makes the emulated instrument reachable and yields the address that the driver opens,
-        such as `serve_pty` or `serve_tcp`. If `serve` is None, a driver with `connect` is checked in this process in
-        simulated time, and a driver without `connect` is checked on a pseudo-terminal.
+        Context manager that yields the address of the emulated instrument, such as `serve_pty` or `serve_tcp`.
     checks : iterable of functions, optional
-        A selection of `SENSOR_CHECKS`; the default is all checks.
+        Selection of `SENSOR_CHECKS`; all checks by default.
 
     Raises
     ------
     AssertionError
-        At least one check failed. The message contains the name of every failed check and the correct behaviour.
+        At least one check failed; the message lists all failed checks.
     """
     subject = f"the sensor driver {getattr(open, '__name__', open)}"
     run_checks(subject, checks, lambda: sensor_bench(open, emulator, unit, serve))

@@ -25,28 +25,28 @@ PATIENCE_S = 60.0
 
 @dataclass
 class SupplyBench:
-    """An open supply of the driver that is checked, and the emulated instrument with a coil to which it is connected.
+    """An open supply, and the emulated instrument with a coil to which it is connected.
 
     Parameters
     ----------
     supply : PowerSupply
-        The supply that the driver opened with `LIMITS`.
+        Open supply.
     coil : CoilSupply
-        The model of the emulated supply and its coil.
+        Model of the emulated supply and its coil.
     line : FaultyInstrument
-        The emulated instrument with its command language, into which faults can be injected.
+        Emulated instrument that can produce faults.
     clock : Clock
-        The clock of the driver and of the emulated instrument.
+        Clock of the driver and of the emulated instrument.
     bipolar : bool
         True if the driver can set negative currents.
     address : str
-        The address at which the supply was opened.
+        Address of the supply.
     sent : list of bytes
-        The messages that the driver has sent. Always empty if the emulated instrument is served at an address.
+        Messages of the driver; empty if the instrument is reached through an address.
     open_again : callable
-        Opens the emulated instrument with the driver once more and returns the supply.
+        Opens the supply once more and returns it.
     answer_within_s : float
-        The longest permitted duration of a query without an answer, s.
+        Longest permitted duration of a query without an answer, s.
     """
 
     supply: PowerSupply
@@ -60,17 +60,14 @@ class SupplyBench:
     answer_within_s: float
 
     def energise(self, current_A: float = 0.7) -> None:
-        """Set the voltage and the current (A), switch the output on, and wait until the coil's current is constant."""
+        """Set voltage and current (A), switch the output on, and wait until the current of the coil is constant."""
         self.supply.set_voltage(LIMITS.voltage_V)
         self.supply.set_current(current_A)
         self.supply.set_output(True)
         self.clock.sleep(SETTLED_AFTER_S)
 
     def energised(self) -> bool:
-        """Return whether the emulated supply gives current: its output is on, and its current set-point is not zero.
-
-        The output may stay on without a current, because some drivers switch off by a current of zero.
-        """
+        """Return whether the output of the emulated supply is on and its current set-point is not zero."""
         return self.coil.state.output and self.coil.state.set_current_A != 0.0
 
 
@@ -86,16 +83,13 @@ def supply_bench(
     Parameters
     ----------
     open : SupplyDriver
-        The driver.
+        Driver.
     emulator : callable
-        Takes a `CoilSupply` and returns the emulated instrument, whose `receive(data: bytes) -> bytes` answers
-        messages.
+        Takes a `CoilSupply` and returns an object whose `receive(data: bytes) -> bytes` answers messages.
     serve : callable, optional
-        A context manager that makes the emulated instrument reachable and yields the instrument's address. If `serve`
-        is None, a driver with `connect` is connected in this process in simulated time, and a driver without `connect`
-        through a pseudo-terminal.
+        Context manager that yields the address of the emulated instrument, such as `serve_pty` or `serve_tcp`.
     answer_within_s : float
-        The longest permitted duration of a query without an answer, s.
+        Longest permitted duration of a query without an answer, s.
     """
     with ExitStack() as stack:
         sent: list[bytes] = []

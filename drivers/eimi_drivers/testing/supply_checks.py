@@ -1,4 +1,4 @@
-"""Check the behaviour that every supply driver must have. The name of each check describes the required behaviour."""
+"""Checks of a supply driver. The name of each check describes the required behaviour."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def says_who_it_is(bench: SupplyBench) -> None:
 
 
 def drives_the_coil_and_switches_it_off(bench: SupplyBench) -> None:
-    """Check that the set current flows in the coil, that `measure` returns it, and that the output switches off."""
+    """Check that the set current flows and is measured, and that the output switches off."""
     bench.energise(0.7)
     claim(bench.supply.output_on() is True, "output_on() should be True after set_output(True)")
     _flows(bench, 0.7)
@@ -123,11 +123,7 @@ def reports_a_protection_trip(bench: SupplyBench) -> None:
 
 
 def is_off_after_safe_off_from_every_state(bench: SupplyBench) -> None:
-    """Check that `safe_off` sets the current to zero and switches the output off, whatever the state before the call.
-
-    The states are: just opened, off, on with a current, on without a current, off after a trip, and off after an
-    earlier call of `safe_off`.
-    """
+    """Check that `safe_off` sets the current to zero and switches the output off, whatever was done before."""
 
     def set_points() -> None:
         bench.supply.set_voltage(LIMITS.voltage_V)
@@ -164,7 +160,7 @@ def is_off_after_safe_off_from_every_state(bench: SupplyBench) -> None:
 
 
 def tries_every_stage_of_switching_off(bench: SupplyBench) -> None:
-    """Check that `safe_off` switches the output off even if the first message of `safe_off` is lost."""
+    """Check that `safe_off` switches the output off even if the first message is lost."""
     bench.energise()
     lost: list[bytes] = []
 
@@ -179,7 +175,7 @@ def tries_every_stage_of_switching_off(bench: SupplyBench) -> None:
 
 
 def gives_up_on_a_silent_line(bench: SupplyBench) -> None:
-    """Check that a query without an answer raises InstrumentTimeout in time, and that later queries work."""
+    """Check that a missing answer raises InstrumentTimeout in time, and that later queries work."""
     bench.line.inject(Fault.SILENCE)
     must_raise(
         (InstrumentTimeout,), "output_on() on a silent line", lambda: _in_time(bench, "output_on()", "output_on")
@@ -214,7 +210,7 @@ def waits_for_a_slow_answer(bench: SupplyBench) -> None:
 
 
 def takes_no_late_answer_for_the_next(bench: SupplyBench) -> None:
-    """Check that an answer that arrives after an InstrumentTimeout is not used for the next query."""
+    """Check that an answer after an InstrumentTimeout is not used for the next query."""
     bench.energise()
     bench.line.late_s = LATE_S
     bench.line.inject(Fault.SLOW)
@@ -226,10 +222,7 @@ def takes_no_late_answer_for_the_next(bench: SupplyBench) -> None:
 
 
 def reports_a_cut_line(bench: SupplyBench) -> None:
-    """Check that a query raises InstrumentDisconnected or InstrumentTimeout after the connection was cut.
-
-    `safe_off` must then raise SwitchOffFailed.
-    """
+    """Check that after the connection was cut a query raises an error, and `safe_off` raises SwitchOffFailed."""
     bench.energise()
     bench.line.inject(Fault.DISCONNECT)
     # PyVISA reports a socket that the other side closed as a timeout.
@@ -290,24 +283,22 @@ def check_supply(
     Parameters
     ----------
     open : SupplyDriver
-        The driver: a class or a function that follows `SupplyDriver`.
+        Driver: a class or a function that opens a supply.
     emulator : callable
-        Takes a `CoilSupply` and returns an object whose `receive(data: bytes) -> bytes` answers messages in the
-        instrument's command language. Example: ``lambda coil: emulate("scpi", coil)``.
+        Takes a `CoilSupply` and returns an object whose `receive(data: bytes) -> bytes` answers messages, such as
+        ``lambda coil: emulate("scpi", coil)``.
     serve : callable, optional
-        A context manager that makes the emulated instrument reachable and yields the address that the driver opens,
-        such as `serve_pty` or `serve_tcp`. If `serve` is None, a driver with `connect` is checked in this process in
-        simulated time, and a driver without `connect` is checked on a pseudo-terminal.
+        Context manager that yields the address of the emulated instrument, such as `serve_pty` or `serve_tcp`. If None,
+        a driver with `connect` is checked in simulated time, and another driver on a pseudo-terminal.
     answer_within_s : float
-        The longest permitted duration of a query without an answer, s. During a measurement, eimi-lab switches the
-        supply off if the run makes no progress for 5 s.
+        Longest permitted duration of a query without an answer, s.
     checks : iterable of functions, optional
-        A selection of `SUPPLY_CHECKS`; the default is all checks. Each check opens a new `SupplyBench`.
+        Selection of `SUPPLY_CHECKS`; all checks by default.
 
     Raises
     ------
     AssertionError
-        At least one check failed. The message contains the name of every failed check and the correct behaviour.
+        At least one check failed; the message lists all failed checks.
     """
     subject = f"the supply driver {getattr(open, '__name__', open)}"
     run_checks(subject, checks, lambda: supply_bench(open, emulator, serve, answer_within_s))
