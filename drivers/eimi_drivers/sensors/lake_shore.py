@@ -27,7 +27,7 @@ class LakeShore425(SensorBase):
 
     def read(self) -> SensorReading:
         """Return the measured field, mT."""
-        unit = self._ask("UNIT?").strip()
+        unit = self._ask("UNIT?").strip()  # a person can change the unit at the front panel
         if unit not in MILLITESLA:
             raise self._not_understood("UNIT?", unit, f"one of {', '.join(MILLITESLA)}")
         field = self._number("RDGFIELD?", self._ask("RDGFIELD?"), "+123.450E-03")

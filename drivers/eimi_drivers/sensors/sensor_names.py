@@ -28,7 +28,7 @@ def open_sensor(driver: str, address: str, clock: Clock | None = None) -> Sensor
     Parameters
     ----------
     driver : str
-        Name of the driver, such as "lake-shore-425".
+        Name of the driver, such as "lakeshore-425".
     address : str
         Serial port or VISA resource.
     clock : Clock, optional

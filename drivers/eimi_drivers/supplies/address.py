@@ -21,29 +21,19 @@ _CHANNEL = re.compile(r"(.*)#(\d{1,3})")
 
 
 def split_address(address: str) -> tuple[str, int | None]:
-    """Return an address without its channel (an output of the supply), and the number of the channel.
-
-    For an address that ends in ``#2`` the channel is 2. If the address contains no channel, the number is None.
-    """
+    """Return an address without its channel, and the number of the channel (2 for ``#2``; None without a channel)."""
     match = _CHANNEL.fullmatch(address)
     return (match[1], int(match[2])) if match else (address, None)
 
 
 def pseudo_terminal(address: str) -> str:
-    """Return the path of the pseudo-terminal in an address, or an empty text if the address contains none.
-
-    The names of pseudo-terminals on Linux and on macOS are recognised. A supply at such an address is an emulated one.
-    """
+    """Return the path of the pseudo-terminal (of Linux or macOS) in an address; empty if the address contains none."""
     match = _PSEUDO_TERMINAL.search(address)
     return match[0] if match else ""
 
 
 def usb_serial_number(address: str) -> str:
-    """Return the serial number of the USB adapter or instrument to which a serial port belongs.
-
-    The result is empty if the USB device has no serial number, if the port does not belong to a USB device, or if the
-    serial ports cannot be listed.
-    """
+    """Return the serial number of the USB device of a serial port; empty if it cannot be found."""
     port = serial_port(address)
     name = os.path.realpath(port) if port.startswith("/") else port.upper()
     if not name.startswith(("/", "COM")) or pseudo_terminal(name):
@@ -57,11 +47,7 @@ def usb_serial_number(address: str) -> str:
 
 
 def serial_port(address: str) -> str:
-    """Return an address in the form in which pyserial opens it.
-
-    A VISA resource of a serial port becomes the name of the port, and a VISA resource of a socket becomes a URL
-    ``socket://host:port``. Any other address is returned without its channel.
-    """
+    """Return the name or the URL with which pyserial opens an address."""
     place = split_address(address)[0].removeprefix("\\\\.\\")  # Windows prefix of COM10 and above; pyserial adds it
     if match := _VISA_SERIAL.fullmatch(place):
         return f"COM{match[1]}" if match[1].isdecimal() else match[1]
@@ -80,6 +66,6 @@ def check_address(address: str) -> None:
 
 
 def is_serial_port(address: str) -> bool:
-    """Return whether an address is a serial port: a VISA resource of a port, or the name of a port (without ``::``)."""
+    """Return whether an address is a serial port."""
     place = split_address(address)[0]
     return "::" not in place or _VISA_SERIAL.fullmatch(place) is not None

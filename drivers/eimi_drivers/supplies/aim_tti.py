@@ -1,13 +1,10 @@
-"""Drive Aim-TTi supplies of the QL (Series II), MX, QPX and CPX series over TCP, USB or RS-232.
+"""Drive Aim-TTi supplies of the QL (Series II), MX, QPX and CPX series over TCP (port 9221), USB or RS-232."""
 
-The commands contain the number of the output: ``V1 12.00``, ``OP1 1``. On the LAN the supply accepts commands on TCP
-port 9221. The supply also answers VXI-11, but only so that programs can find the supply on the network.
-
-Sources: MX180T/TP instruction manual, page 35 (commands and responses). QPX600D/DP instruction manual, page 30 (limit
-event status register). Manual of the Sorensen XDL series II, which is the same as the QL series, pages 33 (limit event
-status register) and 38 (lock, trips, modes). The register of the CPX series and the error numbers come from drivers of
-other projects (msl-equipment for MX, python-dvg-devices for QL), because these pages of the manuals were not available.
-"""
+# Sources: MX180T/TP instruction manual, page 35 (commands and responses). QPX600D/DP instruction manual, page 30 (limit
+# event status register). Manual of the Sorensen XDL series II, which is the same as the QL series, pages 33 (limit
+# event status register) and 38 (lock, trips, modes). The register of the CPX series and the error numbers come from
+# drivers of other projects (msl-equipment for MX, python-dvg-devices for QL), because these pages of the manuals were
+# not available.
 
 from __future__ import annotations
 
@@ -66,21 +63,20 @@ NUMBERED_ERROR = 0x10
 
 @dataclass(frozen=True)
 class Series:
-    """The properties in which one series of Aim-TTi supplies differs from the others.
+    """The properties of one series of Aim-TTi supplies.
 
     Parameters
     ----------
     trips : mapping of int to str
-        The bits of the limit event status register (``LSR1?``) that report a tripped protection, with their meaning.
-        The other bits of the register report constant voltage, constant current, and the limit of the power.
+        Bits of the limit event status register (``LSR1?``) that report a tripped protection, with their meaning.
     errors : mapping of int to str
-        The meaning of each number that ``EER?`` answers.
+        Meaning of each number that ``EER?`` answers.
     current_step_A : str
-        The step of the current set-points (A) as decimal text.
+        Step of the current set-points (A) as decimal text.
     range : str
-        The query for the range of an output. Empty if the series has only one range.
+        Query for the range of an output; empty if the series has one range.
     switches_protections : bool
-        True if a protection must be switched on (``OVP1 ON``) in addition to setting its trip level (its threshold).
+        True if a protection must be switched on in addition to setting its trip level (threshold).
     """
 
     trips: Mapping[int, str]
@@ -113,13 +109,8 @@ _MODEL = re.compile(r"[^,]*,\s*(QL|MX|QPX|CPX)")
 class AimTtiSupply(SupplyBase):
     """Driver of one output of an Aim-TTi supply. The channel in the address, such as ``#2``, is the output's number.
 
-    Before the first set-point the driver clears the error registers of the supply and requests exclusive control
-    (``IFLOCK``): no other interface can then change the supply. The driver releases the control after it has switched
-    the output off. To switch off, it does not need the control.
-
-    The driver never changes the range of an output. If a set-point is outside the present range, the error message
-    contains the range. The current set-points have steps of 1 mA for the QL and MX series and of 10 mA for the other
-    series. Until the supply is identified, the driver uses steps of 10 mA.
+    The driver requests exclusive control of the supply before the first set-point, and releases the control after it
+    has switched the output off. It never changes the range of an output.
     """
 
     name = "aim-tti"
@@ -136,7 +127,7 @@ class AimTtiSupply(SupplyBase):
 
     @classmethod
     def connect(cls, address: str) -> Transport:
-        """Open the VISA resource or the serial line at the address and return the line."""
+        """Open the VISA resource or the serial line at the address, and return the connection."""
         return open_visa(address)
 
     def identify(self) -> Identity:
@@ -145,7 +136,7 @@ class AimTtiSupply(SupplyBase):
         Raises
         ------
         AnotherSupply
-            The identity differs from the first identity since the driver was opened.
+            The identity has changed since the driver was opened.
         InstrumentError
             The supply belongs to none of the series in `SERIES`.
         """
@@ -192,10 +183,7 @@ class AimTtiSupply(SupplyBase):
         return self._question(self._fill(question).encode("ascii") + b"\n", LONGEST_LINE, b"\n")
 
     def _value(self, question: str, name: str = "", unit: str = "") -> float:
-        """Send a query, and return the number in an answer such as ``V1 12.00`` or ``0.700A``.
-
-        `name` is the text before the number, here V1. `unit` is the text after the number, here A.
-        """
+        """Send a query, and return the number between `name` and `unit` in the answer, such as ``V1 12.00``."""
         reply = self._ask(question)
         before, after = self._fill(f"{name} " if name else "").encode("ascii"), unit.encode("ascii")
         text = reply.strip()
@@ -214,13 +202,7 @@ class AimTtiSupply(SupplyBase):
         return int(reply)
 
     def _take_control(self) -> None:
-        """Clear old errors and request exclusive control, unless this driver already has control.
-
-        Raises
-        ------
-        InstrumentError
-            The supply refuses the control.
-        """
+        """Clear old errors and request exclusive control; raise InstrumentError if the supply refuses the control."""
         if self._in_control:
             return
         self._send("*CLS")
@@ -234,11 +216,8 @@ class AimTtiSupply(SupplyBase):
         self._in_control = True
 
     def _disarm_watchdog(self) -> None:
-        """Release exclusive control of the supply, if this interface has control.
-
-        These supplies have no watchdog. `SupplyBase` calls this method after the output was switched off, which is the
-        time to release the control.
-        """
+        """Release exclusive control of the supply, if this interface has control."""
+        # SupplyBase calls this method after the output was switched off. These supplies have no watchdog.
         self._in_control = False
         if self._ask("IFLOCK?").strip() == b"1":
             self._ask("IFUNLOCK")

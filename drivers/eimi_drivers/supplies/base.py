@@ -1,7 +1,4 @@
-"""Implement the functions of all supply drivers: limits, read-back, protections, and switching off.
-
-Switching off ends with a measurement of the current.
-"""
+"""The functions of all supply drivers: limits, read-back, protections, and switching off."""
 
 from __future__ import annotations
 
@@ -38,46 +35,42 @@ _Value = TypeVar("_Value")
 
 
 class SupplyBase(Conversation, ABC):
-    """Base class of supply drivers, which keeps set-points within limits and verifies every set-point.
+    """Base class of supply drivers: keeps set-points within limits and verifies every set-point.
 
-    The current can be set from 0 to the limit, or from minus the limit to the limit if the supply is bipolar. A
-    subclass gives the steps of the set-points and implements the methods that exchange messages with the supply.
-    `korad` and `genesys` are examples. Set-points are rounded toward zero to a multiple of the step. A rounded
-    set-point is therefore never outside the limits.
+    A subclass defines the steps of the set-points and the methods that exchange messages with the supply.
 
     Parameters
     ----------
     link : Transport
-        The line (the serial, USB or network connection) to the supply. The constructor sends nothing.
+        Serial, USB or network connection to the supply.
     limits : Limits
-        The largest permitted set-points.
+        Largest permitted set-points.
     clock : Clock
-        The clock for all waits: real or simulated time.
+        Clock for all waits: real or simulated time.
 
     Raises
     ------
     InstrumentError
-        The address contains a channel number that supplies of this family do not have.
+        The address contains a channel number that the supplies of this driver do not have.
 
     Attributes
     ----------
     name : str
-        The name of the driver in a rig file, which lists the instruments of a set-up.
+        Name of the driver.
     current_step_A, voltage_step_V : str
-        The steps of the set-points (A, V) as decimal text.
+        Steps of the set-points (A, V) as decimal text.
     bipolar : bool
         True if negative currents can be set.
     channels : tuple of int
-        The lowest and the highest channel number that an address may contain after ``#``.
+        Lowest and highest channel number that may follow ``#`` in an address.
     default_channel : int
-        The channel that is used if the address contains no channel number.
+        Channel of an address without a channel number.
     read_backs : int
-        The number of consecutive correct answers after which a set-point counts as verified.
+        Number of consecutive correct answers that verify a set-point.
     protections : str
-        A description of the protections inside the supply that `set_output` arms (switches on) and reads back. Empty if
-        the driver arms no protection.
+        Description of the protections inside the supply that the driver switches on; empty if none.
     without_contact : str
-        A text that describes what the output does if the cable is pulled or the computer fails.
+        Description of what the output does if the cable is pulled or the computer fails.
     """
 
     current_step_A: str = "0.001"
@@ -91,10 +84,7 @@ class SupplyBase(Conversation, ABC):
 
     @property
     def reads_zero_within_A(self) -> float:
-        """Return the largest current (A) that a healthy supply of the family measures when no current flows.
-
-        The value 0 means that this current is below `off.LEAST_OFF_A` or not known.
-        """
+        """Return the largest current (A) that the supply measures when no current flows; 0 if not known."""
         return 0.0
 
     def __init__(self, link: Transport, limits: Limits, clock: Clock) -> None:
@@ -112,13 +102,13 @@ class SupplyBase(Conversation, ABC):
     @classmethod
     @abstractmethod
     def connect(cls, address: str) -> Transport:
-        """Open the line (connection) to the supply at this address and return the line."""
+        """Open the connection to the supply at this address and return it."""
 
     @abstractmethod
     def identify(self) -> Identity:
         """Return the identity that the supply reports.
 
-        Raises AnotherSupply if the identity differs from the first identity since the driver was opened.
+        Raises AnotherSupply if the identity has changed since the driver was opened.
         """
 
     @abstractmethod
@@ -145,32 +135,24 @@ class SupplyBase(Conversation, ABC):
     def _current_set(self) -> float: ...
 
     def _raise_reported_errors(self) -> None:
-        """Read the error queue of the supply, and raise InstrumentError if the queue contains errors."""
+        """Read the error queue of the supply, and raise InstrumentError if it contains errors."""
 
     def _enabled(self) -> bool:
-        """Return whether the output itself is switched on, even if `output_on` is False because the current is zero.
-
-        Some supplies are switched off by a current of zero, while the output itself stays on. For all other supplies,
-        the result is equal to `output_on`.
-        """
+        """Return whether the output is switched on, even if the current is set to zero."""
         return self.output_on()
 
     def _trip(self) -> str:
-        """Return a text that names the tripped protections of the supply; empty if no protection has tripped."""
+        """Return the names of the tripped protections of the supply; empty if none has tripped."""
         return ""
 
     def _protect(self) -> None:
-        """Arm (switch on) the protections inside the supply and read them back, before the output is switched on."""
+        """Switch on the protections inside the supply and read them back, before the output is switched on."""
 
     def _arm_watchdog(self) -> None:
-        """Start the watchdog before the output is switched on.
-
-        The watchdog is a timer inside the supply that switches the output off if no message arrives in time. A driver
-        of a supply without a watchdog does nothing here.
-        """
+        """Start the watchdog: a timer inside the supply that switches the output off if no message arrives."""
 
     def _disarm_watchdog(self) -> None:
-        """Stop the watchdog, a timer inside the supply, after the output was switched off."""
+        """Stop the watchdog after the output was switched off."""
 
     def set_voltage(self, voltage_V: float) -> None:
         """Set the compliance voltage (V), the largest voltage of the output, and verify the set-point.
@@ -205,12 +187,12 @@ class SupplyBase(Conversation, ABC):
     def set_output(self, on: bool) -> None:
         """Switch the output on or off, and verify that the output has switched.
 
-        The protections and the watchdog (a timer) inside the supply are switched on before the output.
+        Before the output is switched on, the protections inside the supply are switched on.
 
         Raises
         ------
         SetPointNotTaken
-            The output has not switched, or a protection or the watchdog reads back wrong.
+            The output has not switched, or a protection has a wrong setting.
         """
         if on:
             self._protect()
@@ -244,23 +226,17 @@ class SupplyBase(Conversation, ABC):
     def safe_off(self) -> Off:
         """Set the current to zero, switch the output off, verify both settings, and measure until no current flows.
 
-        The stages are: set zero, switch off, verify zero, verify that the output is off. Every stage is tried even if
-        an earlier stage fails. If a stage fails, the line is reopened and all stages are tried once more. The current
-        set-point of zero is verified only after the output is switched off, because the query takes long on a slow
-        line.
+        Every step is tried even if an earlier step fails.
 
         Returns
         -------
         Off
-            The measured current and the limit, the largest current with which the supply counts as off.
+            Measured current and the largest current with which the supply counts as off.
 
         Raises
         ------
         SwitchOffFailed
-            - A stage failed twice. The message lists the outcome of every stage.
-            - The current is still above the limit, or cannot be measured.
-            - Another supply answers on the reopened line.
-            - The supply on the reopened line has no serial number and may be another supply.
+            A step failed twice, a current still flows, or the instrument at the address may be another supply.
         """
         found_off = self._unconfirmed and self._compare()
         failed = self._try_to_switch_off()
@@ -278,12 +254,7 @@ class SupplyBase(Conversation, ABC):
         return replace(off, found_off=found_off)
 
     def _reopen_and_compare(self) -> bool:
-        """Reopen the connection to the supply, and return whether its output is off already.
-
-        After the reopening, another supply may answer at the same address. SwitchOffFailed is raised unless the supply
-        is recognised as the same one. If the connection cannot be reopened, or if no supply was identified before,
-        nothing is checked and the result is False.
-        """
+        """Reopen the connection, and return whether the output is already off. Raises SwitchOffFailed for another supply."""
         try:
             if not self._link.reopen() or self._bound is None:
                 return False
@@ -293,22 +264,7 @@ class SupplyBase(Conversation, ABC):
         return self._compare()
 
     def _compare(self) -> bool:
-        """Check that the same supply answers on the reopened connection; return whether its output is off already.
-
-        A name such as /dev/ttyUSB0 or a network address may meanwhile belong to another supply. Therefore the identity
-        is compared with the identity before. A supply without a serial number is accepted only if its output is on, as
-        it was before the connection was lost.
-
-        Returns
-        -------
-        bool
-            True if the output is off already; False if the output is on or the supply does not answer.
-
-        Raises
-        ------
-        SwitchOffFailed
-            Another supply answers, or the output is off and the supply has no serial number.
-        """
+        """Return whether the output is already off; raise SwitchOffFailed if another supply answers than before."""
         assert self._bound is not None
         try:
             self.identify()
@@ -317,7 +273,7 @@ class SupplyBase(Conversation, ABC):
             raise SwitchOffFailed(str(error)) from error
         except InstrumentError:
             return False
-        if found_off and not self._bound.serial_number:
+        if found_off and not self._bound.serial_number:  # the output was on before the connection was lost
             raise SwitchOffFailed(
                 f"{self._link.address}: the line was lost and reopened. The supply there is off, but "
                 f"{self._bound.text!r} has no serial number: it may be another supply, not the supply of the coil"
@@ -325,13 +281,7 @@ class SupplyBase(Conversation, ABC):
         return found_off
 
     def _confirm_identity(self) -> None:
-        """Check that a supply that was switched off on a reopened connection is certainly the supply of the coil.
-
-        Raises
-        ------
-        SwitchOffFailed
-            The supply does not answer, has no serial number, or is another supply.
-        """
+        """Raise SwitchOffFailed unless the supply has a serial number and is the same as before."""
         try:
             identity = self.identify()
         except InstrumentError as error:
@@ -347,13 +297,13 @@ class SupplyBase(Conversation, ABC):
         stages: tuple[tuple[str, Callable[[], None]], ...] = (
             ("current to zero", lambda: self._send_current(set_point_text(0.0, self.current_step_A))),
             ("output off", lambda: self._send_output(False)),
-            ("current to zero", lambda: self._verify_current(0.0)),
+            ("current to zero", lambda: self._verify_current(0.0)),  # late: the query is slow on a serial line
             ("read back", lambda: self._verify_output(False)),
         )
         return failed_stages(stages, self._link.address)
 
     def close(self) -> None:
-        """Release the connection and leave the output as it is. `safe_off` switches the output off."""
+        """Release the connection without changing the output."""
         self._link.close()
 
     def _refuse_outside(self, quantity: str, value: float, lowest: float, limit: float, unit: str) -> None:
@@ -369,28 +319,7 @@ class SupplyBase(Conversation, ABC):
         )
 
     def _verify(self, quantity: str, sent: str, step: str, unit: str, ask: Callable[[], float]) -> None:
-        """Compare the set-point that the supply reports with the text that was sent.
-
-        Parameters
-        ----------
-        quantity : str
-            "current" or "voltage", for the message.
-        sent : str
-            The set-point that was sent, as text.
-        step : str
-            The step of the set-points, as text. A difference of one step is permitted.
-        unit : str
-            The unit, for the message.
-        ask : callable
-            Asks the supply for the set-point.
-
-        Raises
-        ------
-        SetPointNotTaken
-            The supply reports another set-point.
-        InstrumentError
-            The supply reports an error.
-        """
+        """Raise SetPointNotTaken if the set-point in the supply differs from `sent` by more than `step`."""
         self._raise_reported_errors()
         wrong_value = self._read_back(ask, lambda answer: abs(answer - float(sent)) <= 1.001 * float(step))
         if wrong_value is not None:
@@ -406,22 +335,7 @@ class SupplyBase(Conversation, ABC):
             )
 
     def _read_back(self, ask: Callable[[], _Value], is_right: Callable[[_Value], bool]) -> _Value | None:
-        """Ask the supply for a value until the answer is right several times in a row, or the time is over.
-
-        The number of right answers is `read_backs`, and the time is `READ_BACK_WITHIN_S`.
-
-        Parameters
-        ----------
-        ask : callable
-            Sends the query and returns the answer.
-        is_right : callable
-            Returns whether an answer is right.
-
-        Returns
-        -------
-        None or the type of the answer
-            None if the answers are right, otherwise the last wrong answer.
-        """
+        """Return the last wrong answer of `ask`; None after `read_backs` consecutive right answers."""
         deadline = self._clock.now() + READ_BACK_WITHIN_S
         right = 0
         while right < self.read_backs:

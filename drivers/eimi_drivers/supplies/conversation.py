@@ -1,4 +1,4 @@
-"""Send queries to a supply, check the form of the answers, and check that the same supply answers every time."""
+"""Send queries to a supply, check the form of the answers, and check that the same supply always answers."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ class Conversation:
     Parameters
     ----------
     link : Transport
-        The line (the serial, USB or network connection) to the supply.
+        Serial, USB or network connection to the supply.
     clock : Clock
-        The clock for all waits: real or simulated time.
+        Clock for all waits: real or simulated time.
 
     Attributes
     ----------
     name : str
-        The name of the driver in a rig file, which lists the instruments of a set-up.
+        Name of the driver.
     """
 
     name: ClassVar[str]
@@ -42,14 +42,9 @@ class Conversation:
         self._unconfirmed = False  # True after a reopening of the line, until the instrument is identified again
 
     def _question(self, message: bytes, size: int, end: bytes = b"", pause_s: float = 0.0) -> bytes:
-        """Send a query, wait `pause_s` (s), and return the answer.
-
-        The answer ends after `size` bytes or, if this comes first, with the byte `end`. If the previous query had no
-        answer in time, its answer may still arrive. The method then waits before it sends the new query, so that the
-        late answer is not taken for the answer to the new query.
-        """
+        """Send a query, wait `pause_s` (s), and return the answer: `size` bytes, or fewer that end with the byte `end`."""
         if self._unanswered and (remaining_s := self._late_until_s - self._clock.now()) > 0:
-            self._clock.sleep(remaining_s)
+            self._clock.sleep(remaining_s)  # a late answer must not be taken for the next answer
         self._link.write(message)
         self._clock.sleep(pause_s)
         self._unanswered = True
@@ -78,20 +73,7 @@ class Conversation:
         return text
 
     def _bind(self, text: str, serial_number: str) -> Identity:
-        """Return the identity of the supply, and store the first identity for later comparisons.
-
-        Parameters
-        ----------
-        text : str
-            The identification text that the supply sent.
-        serial_number : str
-            The serial number that the supply sent. If this text is empty, the serial number of the USB port is used.
-
-        Raises
-        ------
-        AnotherSupply
-            The identity differs from the stored identity.
-        """
+        """Return the identity of the supply; raise AnotherSupply if it differs from the first identity."""
         address = self._link.address
         identity = Identity(self.name, text, address, serial_number or usb_serial_number(address))
         self._bound = self._bound or identity

@@ -21,15 +21,12 @@ _Value = TypeVar("_Value")
 
 
 class Interruptions:
-    """Wrapper of the function that is called between two messages; the wrapper stores the error of the function.
-
-    The function may raise an error in order to interrupt a call of the supply. The error then passes through the driver
-    of another package. With `raised`, the caller can distinguish it from an error of the driver.
+    """A function that can stop a driver between two messages by raising an error, and its last error.
 
     Parameters
     ----------
     between_messages : callable
-        The function that is called, without arguments, between two messages.
+        Function without arguments that is called between two messages.
     """
 
     def __init__(self, between_messages: Callable[[], None]) -> None:
@@ -37,7 +34,7 @@ class Interruptions:
         self._last: BaseException | None = None
 
     def __call__(self) -> None:
-        """Call the given function; remember its error, if it raises one, and raise it again."""
+        """Call `between_messages`, and store and raise its error."""
         try:
             self._between_messages()
         except BaseException as error:
@@ -45,27 +42,25 @@ class Interruptions:
             raise
 
     def raised(self, error: BaseException) -> bool:
-        """Return whether `error` comes from the given function, and not from the driver of the supply."""
+        """Return whether `error` was raised by `between_messages`."""
         return error is self._last
 
 
 class ForeignSupply:
-    """Wrapper of another package's supply, which raises the errors of the package's driver as InstrumentError.
+    """A supply of another package, whose errors are raised as InstrumentError.
 
-    The caller of `open_supply` may give a function that is called between two messages, for example to stop a run.
-    Three kinds of errors are raised unchanged: an InstrumentError, an error of this function, and an error that is not
-    a subclass of `Exception`, such as KeyboardInterrupt. An error in `safe_off` is raised as SwitchOffFailed.
+    An error of `safe_off` is raised as SwitchOffFailed.
 
     Parameters
     ----------
     supply : PowerSupply
-        The open supply.
+        Open supply.
     name : str
-        The name of the driver, for messages.
+        Name of the driver, for messages.
     address : str
-        The address, for messages.
+        Address of the supply, for messages.
     interruptions : Interruptions, optional
-        The function that is called between two messages. None if there is no such function.
+        Function that can stop the driver between two messages; its errors are raised unchanged.
     """
 
     def __init__(
@@ -77,10 +72,7 @@ class ForeignSupply:
         self.limits: Limits = supply.limits
 
     def __getattr__(self, member: str) -> Any:
-        """Return an optional member of the wrapped supply, such as the text `without_contact`.
-
-        Raises AttributeError if the wrapped supply has no such member.
-        """
+        """Return an optional member of the supply, such as `without_contact`; raise AttributeError if it is absent."""
         try:
             return getattr(self._supply, member)
         except (AttributeError, InstrumentError):
@@ -122,8 +114,7 @@ class ForeignSupply:
         Returns
         -------
         Off or None
-            The measured current and the largest current with which the supply counts as off. None if the driver does
-            not measure the current in this call.
+            Measured current and its limit; None if the driver does not measure the current in this call.
 
         Raises
         ------
@@ -138,7 +129,7 @@ class ForeignSupply:
             raise SwitchOffFailed(str(error)) from error
 
     def close(self) -> None:
-        """Release the port and leave the output as it is."""
+        """Release the port without changing the output."""
         self._call("close", self._supply.close)
 
     def _call(self, member: str, act: Callable[[], _Value]) -> _Value:

@@ -1,9 +1,7 @@
-"""Drive TDK-Lambda Genesys supplies over a serial line.
+"""Drive TDK-Lambda Genesys supplies on a serial line.
 
-Every message ends with a carriage return. The supply answers every command with ``OK``. Tripped protections are read
-from the fault register, a part of the answer to ``STT?``. Before the first use, compare the form of this answer and the
-bits of the register (`FAULTS`) with the manual of your supply. If a bit had another meaning in your supply, the driver
-would not notice a trip.
+Before the first use, compare the fault register (`FAULTS`) with the manual of your supply: with other bits the driver
+would not notice a tripped protection.
 """
 
 from __future__ import annotations
@@ -74,14 +72,9 @@ _FAULT_REGISTER = re.compile(rb".*\bFR\(([0-9a-fA-F]{1,2})\)\s*", re.DOTALL)
 class GenesysSupply(SupplyBase):
     """Driver of one TDK-Lambda Genesys supply on a serial line that several supplies can share.
 
-    The channel in the driver's address, such as ``#6``, is the number of the supply on the line.
-
-    The driver switches the foldback protection off before it switches the output on. This protection trips in constant
-    current, and a supply that feeds a coil always works in constant current. The over-voltage protection is set above
-    the voltage limit of the driver.
-
-    If a person uses the front panel, the supply answers ``OK`` to a command but does not obey the command. A set-point
-    therefore counts as verified only after two correct answers.
+    The channel in the address, such as ``#6``, is the number of the supply on the line. The driver switches the
+    foldback protection off, which trips in constant current. The over-voltage protection is set above the voltage limit
+    of the driver.
     """
 
     name = "genesys"
@@ -103,30 +96,25 @@ class GenesysSupply(SupplyBase):
 
     @classmethod
     def connect(cls, address: str) -> Transport:
-        """Open the serial port of the supply and return the line."""
+        """Open the serial port of the supply and return the connection."""
         return SerialTransport(address)
 
     def identify(self) -> Identity:
         """Return the identity of the supply, from its answers to ``IDN?`` and ``SN?``.
 
-        The serial number in the identity also contains the number of the supply on the line. Raises AnotherSupply if
-        the identity differs from the first identity since the driver was opened.
+        Raises AnotherSupply if the identity has changed since the driver was opened.
         """
         return self._bind(self._model(), f"{self._line('SN?', self._ask('SN?'))}#{self._channel}")
 
     @property
     def reads_zero_within_A(self) -> float:
-        """Return the largest current (A) that the supply measures when no current flows: 0.3 % of the rated current.
-
-        This offset is assumed, because no manual gives it. The rated current is the second number in the name of the
-        model: 38 A for a GEN40-38. The offset is 0 if the model has no such number.
-        """
+        """Return the largest current (A) that the supply measures when no current flows (an assumed value)."""
         if not self._rated_A:
             self._model()
         return READ_BACK_OF_RATING * self._rated_A
 
     def _model(self) -> str:
-        """Return the answer to ``IDN?``, and store the rated current (A) if the answer contains a rating."""
+        """Return the answer to ``IDN?``, and store the rated current (A) that it contains."""
         model = self._line("IDN?", self._ask("IDN?"))
         if rating := _RATING.search(model):
             self._rated_A = float(rating[2])
@@ -189,12 +177,7 @@ class GenesysSupply(SupplyBase):
             raise self._not_understood("FLD?", reply, "OFF")
 
     def _ovp_V(self) -> float:
-        """Return the trip level (V) to which the driver sets the over-voltage protection.
-
-        The supply refuses a trip level that is less than 5 % of the rated voltage above the set-point (error E04). The
-        trip level is therefore `PROTECTION_MARGIN` times the voltage limit, or the voltage limit plus 5.1 % of the
-        rated voltage, whichever is larger.
-        """
+        """Return the voltage (V) at which the over-voltage protection trips."""
         identity = self._model()
         rating = _RATING.search(identity)
         if rating is None:
@@ -217,7 +200,7 @@ class GenesysSupply(SupplyBase):
             self._command("OUT ON")
             return
         if self._unanswered:
-            self._send_off_unread()  # sent before any wait for an answer
+            self._send_off_unread()  # sent before any wait: perhaps only the answers of the supply are lost
         try:
             self._command("OUT OFF")
         except InstrumentError:
@@ -225,11 +208,7 @@ class GenesysSupply(SupplyBase):
             raise
 
     def _send_off_unread(self) -> None:
-        """Send the messages that switch the output off, without reading any answer.
-
-        This is the last attempt if no answer arrives: perhaps the supply still receives the messages, and only its
-        answers are lost.
-        """
+        """Send the messages that switch the output off, without reading any answer."""
         for message in (*self._greeting, "OUT OFF"):
             self._link.write(message.encode("ascii") + b"\r")
             self._clock.sleep(BLIND_GAP_S)

@@ -8,11 +8,7 @@ from eimi_drivers.interfaces import Identity
 
 
 def serial_number_in(text: str) -> str:
-    """Return the serial number in an answer to ``*IDN?``; empty if the answer contains no serial number.
-
-    The serial number is the third of four fields. The text "0" in this field means that the instrument has no serial
-    number (IEEE 488.2, 10.14). Some Korad supplies send ``SN:`` with the number instead of four fields.
-    """
+    """Return the serial number in an answer to ``*IDN?`` (IEEE 488.2, 10.14); empty if the answer contains none."""
     if match := re.search(r"\bSN:\s*(\w+)", text):
         return match[1]
     fields = [field.strip() for field in text.split(",")]
@@ -20,6 +16,6 @@ def serial_number_in(text: str) -> str:
 
 
 def in_words(identity: Identity) -> str:
-    """Return the identification text and the serial number of an instrument, as part of a message."""
+    """Return the identification text and the serial number of an instrument, for a message."""
     serial_number = f" with serial number {identity.serial_number}" if identity.serial_number else ""
     return f"{identity.text!r}{serial_number}"

@@ -1,4 +1,4 @@
-"""Interrupt the exchange of messages with an instrument before the next message is sent."""
+"""Call a function before each message to an instrument, which may stop the exchange of messages."""
 
 from __future__ import annotations
 
@@ -8,17 +8,16 @@ from eimi_drivers.supplies.transport import Transport
 
 
 class InterruptibleTransport:
-    """A line (a connection to an instrument) that calls a function before it sends each message.
+    """A connection to an instrument that calls a function before it sends each message.
 
-    If the function raises an error, the message is not sent. No answer is then pending, and the next message can be
-    sent at once.
+    If the function raises an error, the message is not sent.
 
     Parameters
     ----------
     link : Transport
-        The line over which the messages are sent.
+        Connection over which the messages are sent.
     between_messages : callable
-        The function that is called, without arguments, before each message.
+        Function without arguments that is called before each message.
     """
 
     def __init__(self, link: Transport, between_messages: Callable[[], None]) -> None:
@@ -27,14 +26,14 @@ class InterruptibleTransport:
         self._between_messages = between_messages
 
     def write(self, message: bytes) -> None:
-        """Call `between_messages`, then send the message. If the call raises an error, the message is not sent."""
+        """Call `between_messages`, then send the message."""
         self._between_messages()
         self._link.write(message)
 
     def read(self, size: int, timeout_s: float, end: bytes = b"") -> bytes:
         """Return the next bytes from the instrument: at most `size` bytes, or the bytes up to and including `end`.
 
-        Raises InstrumentTimeout if neither `size` bytes nor `end` arrive within `timeout_s` (s).
+        Raises InstrumentTimeout if the bytes do not arrive within `timeout_s` (s).
         """
         return self._link.read(size, timeout_s, end)
 

@@ -1,13 +1,9 @@
-"""Drive Kepco BOP bipolar supplies in current mode over SCPI.
+"""Drive Kepco BOP bipolar supplies in current mode over SCPI."""
 
-Source: appendix B of the operator manuals of BOP-MG 1KW (firmware 2.01 to 4.11) and BOP-GL 1KW (firmware 3.05 and
-higher). The commands VOLT:PROT and CURR:LIM are the same in both manuals. The manuals advise against ``OUTP OFF`` on
-inductive loads, because the supply then no longer controls the current in the load. The output is on after power-up.
-
-The BOP supplies of 50 W to 400 W with the interface card BIT 4886 do not have these two commands. In current mode
-``CURR`` sets the current and ``VOLT`` sets the limit of the voltage. Source: BIT 232F manual, page B-4, for a card with
-the same commands. The page of the BIT 4886 manual (243-1303) was not available.
-"""
+# Sources: appendix B of the operator manuals of BOP-MG 1KW (firmware 2.01 to 4.11) and BOP-GL 1KW (firmware 3.05 and
+# higher); for the interface card BIT 4886 the BIT 232F manual, page B-4, for a card with the same commands, because
+# that page of the BIT 4886 manual (243-1303) was not available. The manuals advise against OUTP OFF on inductive loads:
+# the supply then no longer controls the current in the load.
 
 from __future__ import annotations
 
@@ -29,13 +25,8 @@ Assumed: 0.2 % of the rated current of a BOP 36-28, which is 28 A.
 class KepcoBopSupply(ScpiSupply):
     """Driver of a Kepco BOP supply, whose current can be positive or negative.
 
-    The driver switches a Kepco BOP off by setting the current to zero; the output itself stays on. `output_on`
-    therefore returns True only if the output is on and the current set-point is not zero.
-
-    Before the output is switched on, the driver sets two limits inside the supply and reads them back. The limit of the
-    current (CURR:LIM) is the current limit of the driver. The limit of the voltage is the voltage that `set_voltage`
-    sets (VOLT:PROT with VOLT:PROT:MODE FIX; BOP-GL 1KW manual, page B-29). Both limits apply to positive and negative
-    values.
+    The supply is switched off by setting the current to zero; its output stays on. Two limits inside the supply are set
+    and read back: the current limit (CURR:LIM), and the voltage limit (VOLT:PROT; BOP-GL 1KW manual, page B-29).
     """
 
     name = "kepco-bop"
@@ -61,7 +52,7 @@ class KepcoBopSupply(ScpiSupply):
 
     @property
     def reads_zero_within_A(self) -> float:
-        """Return the largest current (A) that the supply measures when no current flows; an assumed value."""
+        """Return the largest current (A) that the supply measures when no current flows (an assumed value)."""
         return READS_ZERO_WITHIN_A
 
     def _enabled(self) -> bool:
@@ -104,8 +95,7 @@ class KepcoBopSupply(ScpiSupply):
 class KepcoBit4886Supply(KepcoBopSupply):
     """Driver of a Kepco BOP of 50 W to 400 W with the interface card BIT 4886, in current mode.
 
-    The message ``VOLT`` limits the positive and the negative voltage. The driver switches no protection on, because the
-    card has none.
+    The card has no protections.
     """
 
     name = "kepco-bit4886"

@@ -1,7 +1,4 @@
-"""Drive Korad KA/KD supplies, which Tenma, RND and Velleman also sell.
-
-The serial line has 9600 bit/s, and the messages have no terminator.
-"""
+"""Drive Korad KA/KD supplies, which Tenma, RND and Velleman also sell, on a serial line."""
 
 from __future__ import annotations
 
@@ -38,14 +35,10 @@ _VOLTS = re.compile(rb"\d{2}\.\d{2}")
 
 
 class KoradSupply(SupplyBase):
-    """Driver of a one-channel Korad supply on a serial line.
+    """Driver of a one-channel Korad supply on a serial line (9600 bit/s).
 
-    The driver switches the over-current protection off before it switches the output on. This protection trips at the
-    current set-point, and a supply that feeds a coil always works at the current set-point. The current is limited by
-    the limits of the driver and by the constant-current regulator of the supply.
-
-    The supply acknowledges no message. The answers of the supply have neither a checksum nor a terminator. The driver
-    therefore accepts a value only in the form that the supply uses, and verifies a set-point by two correct answers.
+    The driver switches the over-current protection off, which trips as soon as the current reaches its set-point. The
+    supply still limits the current to the set-point.
     """
 
     name = "korad"
@@ -57,14 +50,13 @@ class KoradSupply(SupplyBase):
 
     @classmethod
     def connect(cls, address: str) -> Transport:
-        """Open the serial port of the supply and return the line."""
+        """Open the serial port of the supply and return the connection."""
         return SerialTransport(address)
 
     def identify(self) -> Identity:
         """Return the identity of the supply, from its answer to ``*IDN?``.
 
-        The answer has no terminator, and is complete when no byte has arrived for 50 ms. Raises AnotherSupply if the
-        identity differs from the first identity since the driver was opened.
+        Raises AnotherSupply if the identity has changed since the driver was opened.
         """
         reply = self._ask("*IDN?", 1)
         with suppress(InstrumentTimeout):
@@ -93,10 +85,7 @@ class KoradSupply(SupplyBase):
         )
 
     def check(self) -> None:
-        """Raise ProtectionTripped if the supply reports a trip, or if its output is off without a command.
-
-        A trip is a protection bit of the status byte that was not set when the output was switched on.
-        """
+        """Raise ProtectionTripped if a protection has tripped, or if the output is off without a command."""
         if not self._switched_on:
             return
         status = self._status()

@@ -1,4 +1,4 @@
-"""Write each message that an instrument receives or sends to the log, and a summary when the connection is closed."""
+"""Write the messages to and from an instrument to the log, and a summary when the connection is closed."""
 
 from __future__ import annotations
 
@@ -11,15 +11,14 @@ _log = logging.getLogger(__name__)
 
 
 def is_logged() -> bool:
-    """Return whether the log accepts the messages of this module, which have the levels INFO and DEBUG."""
+    """Return whether the log records messages of the level INFO or DEBUG."""
     return _log.isEnabledFor(logging.INFO)
 
 
 class LoggedTransport:
-    """A line (a connection to an instrument) that writes every message to the log.
+    """A connection to an instrument that writes every message to the log.
 
-    The messages have the level DEBUG; faults and a summary have the level INFO. `link` is the line over which the
-    messages are sent. `clock` measures the durations in the log.
+    `link` is the connection over which the messages are sent. `clock` measures the durations in the log.
     """
 
     def __init__(self, link: Transport, clock: Clock) -> None:
@@ -30,7 +29,7 @@ class LoggedTransport:
         self._sent_s = self._slowest_s = 0.0
 
     def write(self, message: bytes) -> None:
-        """Log the message, discard all unread bytes of the connection, and send the message."""
+        """Log the message, discard all unread bytes, and send the message."""
         _log.debug("%s > %r", self.address, message)
         self._messages += 1
         self._sent_s = self._clock.now()
@@ -41,9 +40,9 @@ class LoggedTransport:
             raise
 
     def read(self, size: int, timeout_s: float, end: bytes = b"") -> bytes:
-        """Return and log the next bytes from the line: at most `size` bytes, or the bytes up to and including `end`.
+        """Return and log the next bytes: at most `size` bytes, or the bytes up to and including `end`.
 
-        Raises InstrumentTimeout if neither `size` bytes nor `end` arrive within `timeout_s` (s).
+        Raises InstrumentTimeout if the bytes do not arrive within `timeout_s` (s).
         """
         try:
             received = self._link.read(size, timeout_s, end)
@@ -56,7 +55,7 @@ class LoggedTransport:
         return received
 
     def reopen(self) -> bool:
-        """Reopen the line and log the reopening; return False if the line cannot be reopened."""
+        """Reopen the connection and log this; return False if the connection cannot be reopened."""
         self._reopened += 1
         _log.info("%s: the line is reopened", self.address)
         return self._link.reopen()

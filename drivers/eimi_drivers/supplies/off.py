@@ -1,8 +1,7 @@
 """Switch a supply off and measure that no current flows.
 
-A supply with a failed regulator may report that its output is off while a current flows. A supply therefore counts as
-off only if its measured current is not above a limit. The limit is the largest current that a healthy supply measures
-when no current flows.
+A supply counts as off if its measured current is at most the current that a healthy supply measures when no current
+flows.
 """
 
 from __future__ import annotations
@@ -27,11 +26,7 @@ MEASURING_ATTEMPTS = 2
 
 
 def off_limit_A(supply: PowerSupply) -> float:
-    """Return the largest measured current (A) with which a supply counts as off.
-
-    The limit is `Limits.off_below_A` if a value is given. Otherwise the limit is `LEAST_OFF_A` or
-    `reads_zero_within_A` of the supply, whichever is larger.
-    """
+    """Return the largest measured current (A) with which a supply counts as off."""
     if supply.limits.off_below_A is not None:
         return supply.limits.off_below_A
     return max(LEAST_OFF_A, float(getattr(supply, "reads_zero_within_A", 0.0)))
@@ -43,23 +38,23 @@ def measured_off(measure: Callable[[], Reading], limit_A: float, clock: Clock, n
     Parameters
     ----------
     measure : callable
-        Measures the output; `PowerSupply.measure` of the supply.
+        Measures the output and returns a `Reading`.
     limit_A : float
-        The largest current with which the supply counts as off, A.
+        Largest current with which the supply counts as off, A.
     clock : Clock
-        The clock of the supply.
+        Clock of the supply.
     name : str
-        The address of the supply, for the message.
+        Address of the supply, for the message.
 
     Returns
     -------
     Off
-        The last measured current and the limit.
+        Last measured current and the limit.
 
     Raises
     ------
     SwitchOffFailed
-        The current is still above the limit. The error contains the current and the limit.
+        The current is still above the limit.
     InstrumentError
         The supply does not answer.
     """
@@ -79,25 +74,23 @@ def measured_off(measure: Callable[[], Reading], limit_A: float, clock: Clock, n
 
 
 def confirmed_off(measure: Callable[[], Reading], limit_A: float, clock: Clock, name: str) -> Off:
-    """Measure the current of a supply that was switched off, until its magnitude is at most `limit_A`.
-
-    If the supply does not answer, the measurement is begun again, up to `MEASURING_ATTEMPTS` times in all.
+    """Measure the current of a supply until its magnitude is at most `limit_A`; repeat if no answer arrives.
 
     Parameters
     ----------
     measure : callable
-        Measures the output.
+        Measures the output and returns a `Reading`.
     limit_A : float
-        The largest current with which the supply counts as off, A.
+        Largest current with which the supply counts as off, A.
     clock : Clock
-        The clock of the supply.
+        Clock of the supply.
     name : str
-        The address of the supply, for the message.
+        Address of the supply, for the message.
 
     Returns
     -------
     Off
-        The last measured current and the limit.
+        Last measured current and the limit.
 
     Raises
     ------
@@ -118,21 +111,19 @@ def confirmed_off(measure: Callable[[], Reading], limit_A: float, clock: Clock, 
 
 
 def failed_stages(stages: Sequence[tuple[str, Callable[[], None]]], name: str) -> SwitchOffFailed | None:
-    """Carry out all stages of switching a supply off, also after a failed stage, and return an error that lists them.
-
-    Two stages with the same name are parts of one action. If the first part has failed, the second part is left out.
+    """Carry out all stages of switching a supply off, and return an error that lists failed and successful stages.
 
     Parameters
     ----------
     stages : sequence of (str, callable)
-        The name of each stage for the message, and the function that carries it out.
+        Name and function of each stage; after a failed stage, later stages with its name are left out.
     name : str
-        The address of the supply, for the message.
+        Address of the supply, for the message.
 
     Returns
     -------
     SwitchOffFailed or None
-        The error with the outcome of every stage, whose cause is the first error; None if no stage failed.
+        Error with the result of every stage; None if no stage failed.
     """
     outcomes: dict[str, str] = {}
     first: Exception | None = None
@@ -156,26 +147,24 @@ def failed_stages(stages: Sequence[tuple[str, Callable[[], None]]], name: str) -
 def switch_off(supply: PowerSupply, clock: Clock) -> Off | None:
     """Switch a supply off and measure its current.
 
-    If `safe_off` of the driver returns no measurement, this function measures the current itself.
-
     Parameters
     ----------
     supply : PowerSupply
-        The open supply.
+        Open supply.
     clock : Clock
-        The clock of the supply.
+        Clock of the supply.
 
     Returns
     -------
     Off or None
-        The measured current and its limit; None if the supply cannot measure a current.
+        Measured current and its limit; None if the supply cannot measure a current.
 
     Raises
     ------
     SwitchOffFailed
         The supply could not be switched off, or a current above the limit still flows.
     InstrumentError
-        `safe_off` returned no measurement, and the supply does not answer when this function measures.
+        The current could not be measured.
     """
     off = supply.safe_off()
     if isinstance(off, Off):

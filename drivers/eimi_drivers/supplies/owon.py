@@ -1,10 +1,8 @@
-"""Drive Owon SPE supplies (also sold as Kiprim DC) over their USB serial port, 115200 baud.
+"""Drive Owon SPE supplies (also sold as Kiprim DC) on a USB serial port, 115200 bit/s."""
 
-Sources: the driver owon-psu, version 0.0.6, and the list of commands of another project for the Multicomp Pro MP711135,
-which is the same supply. The manual was not available. ``VOLT:LIM`` and ``CURR:LIM`` are the trip levels of the
-over-voltage and the over-current protection. The supply has no error queue. The answer to a message that the supply
-does not understand is ERR.
-"""
+# Sources: the driver owon-psu, version 0.0.6, and the list of commands of another project for the Multicomp Pro
+# MP711135, which is the same supply. The manual was not available. VOLT:LIM and CURR:LIM are the trip levels of the
+# protections. The supply has no error queue.
 
 from __future__ import annotations
 
@@ -34,7 +32,7 @@ At most two ERR answers can belong to the commands before the query.
 
 
 class OwonSpeSupply(ScpiSupply):
-    """Driver of an Owon SPE supply. The driver notices a refused set-point when it reads the set-point back."""
+    """Driver of an Owon SPE supply."""
 
     name = "owon-spe"
     profile = Profile(
@@ -51,11 +49,7 @@ class OwonSpeSupply(ScpiSupply):
     without_contact = STAYS_ON + armed_in_words(protections)
 
     def _ask(self, question: str) -> bytes:
-        """Send a query and return its answer, which is the first answer other than ERR.
-
-        An answer ERR may belong to an earlier command that the supply refused. Raises InstrumentError if only ERR
-        arrives: the supply then refused the query itself.
-        """
+        """Send a query and return the first answer other than ERR; raise InstrumentError if only ERR arrives."""
         reply = super()._ask(question)
         for _ in range(MOST_REFUSALS):
             if reply.strip() != REFUSED:

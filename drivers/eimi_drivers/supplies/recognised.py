@@ -13,9 +13,9 @@ class Recognised:
     Parameters
     ----------
     driver : str
-        The name of the driver.
+        Name of the driver.
     port : int
-        The TCP port to which the commands are sent; 0 if the supply has no such port or the port is not known.
+        TCP port for commands; 0 if not known.
     """
 
     driver: str

@@ -1,8 +1,7 @@
-"""Drive supplies that use SCPI (SCPI-99, volume 2). The messages of each family are in its `Profile`.
+"""Drive supplies that use SCPI, the standard command language of instruments (SCPI-99, volume 2)."""
 
-The drivers never send ``*RST``. Some LAN supplies no longer answer after this message, and it would switch off outputs
-that another person uses.
-"""
+# The drivers never send *RST: some LAN supplies no longer answer after it, and it would
+# switch off outputs that another person uses.
 
 from __future__ import annotations
 
@@ -28,9 +27,7 @@ _YES_OR_NO = {b"1": True, b"ON": True, b"YES": True, b"0": False, b"OFF": False,
 class ScpiSupply(SupplyBase):
     """Driver of one SCPI supply over a socket, VXI-11, HiSLIP, USB or a serial line.
 
-    Every message ends with a newline. The driver reads the error queue of the supply after commands, and raises all
-    errors in the queue as one InstrumentError. The first such error may therefore contain errors from before the supply
-    was opened.
+    After commands the driver raises all errors in the error queue of the supply as one InstrumentError.
     """
 
     profile: ClassVar[Profile]
@@ -42,18 +39,18 @@ class ScpiSupply(SupplyBase):
 
     @classmethod
     def connect(cls, address: str) -> Transport:
-        """Open the VISA resource or the serial line at the address and return the line."""
+        """Open the VISA resource or the serial line at the address, and return the connection."""
         return open_visa(address, cls.profile.baud_rate, cls.profile.stop_bits)
 
     @property
     def reads_zero_within_A(self) -> float:
-        """Return the largest current (A) that a healthy supply of the family measures when no current flows."""
+        """Return the largest current (A) that a healthy supply measures when no current flows."""
         return self.profile.reads_zero_within_A
 
     def identify(self) -> Identity:
         """Return the identity from the answer to ``*IDN?``.
 
-        Raises AnotherSupply if the identity differs from the first identity since the driver was opened.
+        Raises AnotherSupply if the identity has changed since the driver was opened.
         """
         return self._identity(self._ask("*IDN?"))
 
@@ -87,10 +84,7 @@ class ScpiSupply(SupplyBase):
         return super()._reopen_and_compare()
 
     def _go_remote(self) -> None:
-        """Bring a supply on a serial line into remote mode before its first message.
-
-        The method sends nothing if `Profile.remote` is empty, which means that the family needs no such message.
-        """
+        """Permit remote control of a supply on a serial line, if its family needs this."""
         if self._is_local:
             self._link.write(self.profile.remote.encode("ascii") + self.ends_with)
             self._is_local = False
@@ -186,11 +180,7 @@ class ScpiSupply(SupplyBase):
         check_level(self._link.address, self._fill(question), level, level / PROTECTION_MARGIN, answer)
 
     def _bring_about_modes(self) -> None:
-        """Set the modes that a supply needs to control the voltage and the current of the coil (`Profile.modes`).
-
-        An example is constant current. A mode that is right already is not changed. Raises SetPointNotTaken if a mode
-        is still wrong afterwards.
-        """
+        """Set the required modes of the supply, such as constant current; raise SetPointNotTaken if this fails."""
         for question, right, message in self.profile.modes:
             beginnings = tuple(right.split("|"))
             if self._mode(question).startswith(beginnings):
@@ -246,7 +236,7 @@ class ScpiSupply(SupplyBase):
 
 
 def scpi_driver(family: Profile) -> type[ScpiSupply]:
-    """Return a driver class for the family of SCPI supplies that `family` describes."""
+    """Return a driver class for a family of SCPI supplies."""
 
     class FamilySupply(ScpiSupply):
         __doc__ = ScpiSupply.__doc__
@@ -262,7 +252,6 @@ def scpi_driver(family: Profile) -> type[ScpiSupply]:
 def effect_without_contact(watchdog: Watchdog | None) -> str:
     """Return a text that describes what the output does if the computer fails or the cable is pulled.
 
-    A watchdog is a timer inside the supply that then switches the output off. Without a watchdog (None), the text says
-    that the output stays on.
+    `watchdog` is a timer inside the supply that then switches the output off; None if there is none.
     """
     return watchdog.effect.format(seconds=watchdog.seconds) if watchdog else STAYS_ON

@@ -1,4 +1,4 @@
-"""The messages of each family of SCPI supplies, each as a `Profile`; its docstring explains the fields."""
+"""The messages of all families of SCPI supplies, each family as a `Profile`."""
 
 from __future__ import annotations
 

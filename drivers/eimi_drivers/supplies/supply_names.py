@@ -53,24 +53,19 @@ SUPPLIES: Drivers[SupplyDriver] = Drivers(
 
 
 def supply_driver(driver: str) -> SupplyDriver:
-    """Return the supply driver with this name, after a check of its members that needs no instrument.
+    """Return the supply driver with this name, after a check of its methods.
 
     Parameters
     ----------
     driver : str
-        A name in `SUPPLIES`.
-
-    Returns
-    -------
-    SupplyDriver
-        The driver.
+        Name of the driver, such as "korad".
 
     Raises
     ------
     UnknownDriver
         No driver has this name.
     UnusableDriver
-        The driver cannot be imported, cannot be called as `SupplyDriver` requires, or lacks a member of `PowerSupply`.
+        The driver cannot be imported, has wrong arguments, or lacks a member of `PowerSupply`.
     """
     chosen = SUPPLIES[driver]
     check_supply_driver(driver, chosen)
@@ -78,10 +73,14 @@ def supply_driver(driver: str) -> SupplyDriver:
 
 
 def is_bipolar(driver: str) -> bool:
-    """Return whether the supplies of the driver with this name can set negative currents.
+    """Return whether the supplies of a driver can set negative currents.
 
-    Raises UnknownDriver if no driver has this name, and UnusableDriver if the driver cannot be imported or lacks a
-    member.
+    Raises
+    ------
+    UnknownDriver
+        No driver has this name.
+    UnusableDriver
+        The driver cannot be imported or lacks a member.
     """
     return bool(getattr(supply_driver(driver), "bipolar", False))
 
@@ -94,30 +93,22 @@ def open_supply(
     transcript: Path | None = None,
     between_messages: Callable[[], None] | None = None,
 ) -> PowerSupply:
-    """Open the supply at an address without sending a message. An output that is on therefore stays on.
+    """Open the supply at an address and return it. No message is sent.
 
     Parameters
     ----------
     driver : str
-        A name in `SUPPLIES`.
+        Name of the driver, such as "korad".
     address : str
-        A serial port or a VISA resource, in the form that the driver expects; ``#2`` at its end selects channel 2.
+        Serial port or VISA resource; ``#2`` at its end selects channel 2.
     limits : Limits
-        The largest permitted current (A) and voltage (V).
+        Largest permitted current (A) and voltage (V).
     clock : Clock, optional
-        The clock for all waits; the default is real time (the wall clock).
+        Clock for all waits; real time by default.
     transcript : Path, optional
-        A new text file in which every message is recorded with its time. None for no file.
+        New text file in which every message is recorded.
     between_messages : callable, optional
-        A function that is called before each message if the driver has the member `connect`. The function may raise an
-        error in order to interrupt a call of the supply before the next message. If the driver has no `connect`,
-        no call is interrupted.
-
-    Returns
-    -------
-    PowerSupply
-        The open supply with every required member of `PowerSupply`. Every error that another package's driver raises in
-        a call is raised as an InstrumentError.
+        Function that is called before each message and may raise an error; not called if the driver has no `connect`.
 
     Raises
     ------
@@ -145,32 +136,29 @@ def open_with(
 ) -> PowerSupply:
     """Open a supply with a driver that is given as an object, and return the supply. No message is sent.
 
-    The driver need not be in `SUPPLIES`.
-
     Parameters
     ----------
     driver : SupplyDriver
-        The class or the function that opens the supply.
+        Class or function that opens the supply.
     name : str
-        The name of the driver in messages.
+        Name of the driver, for messages.
     address : str
-        A serial port or a VISA resource, in the form that the driver expects.
+        Serial port or VISA resource.
     limits : Limits
-        The largest permitted current (A) and voltage (V).
+        Largest permitted current (A) and voltage (V).
     clock : Clock
-        The clock for all waits: real or simulated time.
+        Clock for all waits: real or simulated time.
     transcript : Path, optional
-        A new file that records every message.
+        New text file in which every message is recorded.
     between_messages : callable, optional
-        A function that is called before each message if the driver has the member `connect`. The function may raise an
-        error in order to interrupt a call of the supply.
+        Function that is called before each message and may raise an error; not called if the driver has no `connect`.
 
     Raises
     ------
     UnusableDriver
         The driver or the supply lacks a member, or a transcript is requested and the driver has no `connect`.
     InstrumentError
-        The address cannot be opened, or contains a channel number that supplies of this family do not have.
+        The address cannot be opened, or contains a channel number that the supplies of this driver do not have.
     """
     check_supply_driver(name, driver)
     connect = getattr(driver, "connect", None)
@@ -195,10 +183,7 @@ def open_with(
 
 
 def _opened(name: str, address: str, open_it: Callable[[], _Opened]) -> _Opened:
-    """Call `open_it`, which opens a connection or a supply, and return what it opens.
-
-    An error of `open_it` is raised as an InstrumentError whose message contains `name` and `address`.
-    """
+    """Return the result of `open_it`; raise its error as an InstrumentError with `name` and `address`."""
     try:
         return open_it()
     except InstrumentError:

@@ -1,15 +1,7 @@
-r"""Record the messages on a line in a file, and play a recording back in place of the instrument.
+r"""Record the messages to and from an instrument in a file, and play the file back without the instrument.
 
-Each line of the file is one event. The line contains the time since the first event (s), the kind of the event, and the
-bytes as text with Python's escape sequences.
-
-    0.000000 open TCPIP::192.168.0.5::5025::SOCKET
-    0.000213 > MEAS:CURR?\n
-    0.012400 < 0.7001\n
-    1.020113 <! InstrumentTimeout nothing came
-
-The kind is ``>`` for sent bytes, ``<`` for read bytes, ``>!`` for an error while sending and ``<!`` for an error while
-reading. The kind ``open`` is followed by the address of the instrument. Such a file can be attached to a bug report.
+A line of the file contains time (s), kind and bytes or error, such as ``0.000213 > MEAS:CURR?\n``.
+Kinds: ``open`` connection opened, ``>`` sent, ``<`` read, ``>!`` error while sending, ``<!`` error while reading.
 """
 
 from __future__ import annotations
@@ -22,17 +14,14 @@ from eimi_drivers.supplies.transport import Transport
 
 
 class TranscriptMismatch(AssertionError):
-    """Report that a driver sends another message than the recorded one, or reads where no answer was recorded."""
+    """Report that a driver does not send or read the same messages as in the recording."""
 
 
 class RecordingTransport:
-    """A line (a connection to an instrument) that writes its messages to a transcript file.
-
-    Each event is written to the file before the next message is sent or read.
-    """
+    """A connection to an instrument that records all messages in a file."""
 
     def __init__(self, link: Transport, file: Path, clock: Clock) -> None:
-        """Create the transcript file. Raises OSError if the file exists or cannot be created."""
+        """Create the file; raise OSError if the file exists or cannot be created."""
         self.address = link.address
         self._link = link
         self._clock = clock
@@ -47,7 +36,7 @@ class RecordingTransport:
         self._note(kind, f"{type(error).__name__} {error}".encode("unicode_escape").decode("ascii"))
 
     def write(self, message: bytes) -> None:
-        """Record the message, discard all unread bytes of the connection, and send the message."""
+        """Record the message, discard all unread bytes, and send the message."""
         self._note(">", escaped(message))
         try:
             self._link.write(message)
@@ -56,9 +45,9 @@ class RecordingTransport:
             raise
 
     def read(self, size: int, timeout_s: float, end: bytes = b"") -> bytes:
-        """Return and record the next bytes from the instrument: at most `size`, or the bytes up to and including `end`.
+        """Return and record the next bytes: at most `size` bytes, or the bytes up to and including `end`.
 
-        Raises InstrumentTimeout if neither `size` bytes nor `end` arrive within `timeout_s` (s).
+        Raises InstrumentTimeout if the bytes do not arrive within `timeout_s` (s).
         """
         try:
             received = self._link.read(size, timeout_s, end)
@@ -74,21 +63,19 @@ class RecordingTransport:
         return self._link.reopen()
 
     def close(self) -> None:
-        """Release the connection and close the transcript file."""
+        """Release the connection and close the file."""
         self._link.close()
         self._file.close()
 
 
 class ReplayedTransport:
-    """A connection without an instrument, which answers at once from a transcript, a file with recorded messages.
+    """A connection without an instrument, which plays recorded answers and errors back.
 
-    The driver must send the same messages as in the recording, in the same order. Otherwise TranscriptMismatch is
-    raised. An error that was recorded is raised again. `assert_complete` checks that the whole transcript was played
-    back.
+    If a driver does not send the recorded messages in their order, TranscriptMismatch is raised.
     """
 
     def __init__(self, file: Path) -> None:
-        """Read the transcript file. Raises ValueError if a line of the file is not an event."""
+        """Read the file with recorded messages; raise ValueError if a line has a wrong form."""
         self.address = ""
         self._events: list[tuple[int, str, str]] = []
         for number, line in enumerate(file.read_text(encoding="ascii").splitlines(), start=1):
@@ -102,26 +89,7 @@ class ReplayedTransport:
         self._next = 0
 
     def _take(self, kind: str, doing: str) -> tuple[int, str] | None:
-        """Return the next event of the transcript (line number and text) if it is of the expected kind, and go past it.
-
-        Parameters
-        ----------
-        kind : str
-            The expected kind: ">" for sent bytes, "<" for read bytes, ">!" for an error while sending, or "<!" for an
-            error while reading.
-        doing : str
-            A description of the driver's action, for the message.
-
-        Returns
-        -------
-        tuple of (int, str) or None
-            None if the next event is of another kind; it then stays the next event.
-
-        Raises
-        ------
-        TranscriptMismatch
-            The transcript has no further event.
-        """
+        """Return line number and text of the next line in the recording if it has the given kind, else None."""
         if self._next == len(self._events):
             raise TranscriptMismatch(f"{doing} after the end of the transcript")
         number, next_kind, text = self._events[self._next]
@@ -140,7 +108,7 @@ class ReplayedTransport:
         return TranscriptMismatch(f"{doing}, but line {number} of the transcript is: {kind} {text}")
 
     def write(self, message: bytes) -> None:
-        """Compare the message with the next event of the transcript. Raises TranscriptMismatch if the two differ."""
+        """Compare the message with the next recorded message; raise TranscriptMismatch if they differ."""
         doing = f"sent {escaped(message)}"
         before = self._next
         sent = self._take(">", doing)
@@ -150,10 +118,9 @@ class ReplayedTransport:
         self._raise_fault(">!")
 
     def read(self, size: int, timeout_s: float, end: bytes = b"") -> bytes:
-        """Return the recorded answer of the instrument that comes next in the transcript.
+        """Return the next recorded answer of the instrument, or raise the next recorded error.
 
-        If an error comes next that was recorded while reading, this error is raised again. TranscriptMismatch is raised
-        if neither an answer nor such an error comes next.
+        Raises TranscriptMismatch if the recording continues with a sent message or ends.
         """
         self._raise_fault("<!")
         received = self._take("<", f"read {size} bytes")
@@ -162,14 +129,14 @@ class ReplayedTransport:
         return unescaped(received[1])
 
     def reopen(self) -> bool:
-        """Return False: a transcript (a file of recorded messages) has no connection that could be reopened."""
+        """Return False, because there is no instrument."""
         return False
 
     def close(self) -> None:
-        """Do nothing, because no connection is open."""
+        """Do nothing, because there is no instrument."""
 
     def assert_complete(self) -> None:
-        """Raise TranscriptMismatch if the transcript (the file of recorded messages) was not played back to its end."""
+        """Raise TranscriptMismatch if the recording was not played back to its end."""
         if self._next < len(self._events):
             number, kind, text = self._events[self._next]
             count = len(self._events) - self._next
@@ -180,10 +147,10 @@ class ReplayedTransport:
 
 
 def escaped(raw: bytes) -> str:
-    r"""Return bytes as one line of ASCII text, in which escape sequences such as ``\n`` replace other bytes."""
+    r"""Return bytes as one line of ASCII text with escape sequences such as ``\n``."""
     return raw.decode("latin-1").encode("unicode_escape").decode("ascii")
 
 
 def unescaped(text: str) -> bytes:
-    r"""Return the bytes that an ASCII text with escape sequences of Python, such as ``\n``, stands for."""
+    r"""Return the bytes that an ASCII text with escape sequences such as ``\n`` represents."""
     return text.encode("ascii").decode("unicode_escape").encode("latin-1")

@@ -1,7 +1,6 @@
-"""Exchange bytes with an instrument over a serial line, or with an emulator in the same process.
+"""Send and receive bytes over a serial line, or to an emulated instrument in the same process.
 
-Every error of the operating system or of pyserial is raised as an error of `eimi_drivers.interfaces`. The message of
-the raised error contains the address. The original error is the cause of the raised error.
+Every error of the operating system is raised as an InstrumentError with the address.
 """
 
 from __future__ import annotations
@@ -28,11 +27,7 @@ _sharing = False
 
 
 def share_ports() -> None:
-    """Let this process open ports that another process has locked.
-
-    The guardian, the process that switches a supply off if a run stands still, calls this function before it does so.
-    The run no longer responds, but may still have the port locked.
-    """
+    """Let this process open serial ports that another process has locked."""
     global _sharing
     _sharing = True
 
@@ -42,7 +37,7 @@ POLL_EVERY_S = 0.002
 
 
 class Transport(Protocol):
-    """A line: a serial, USB or network connection that carries bytes to and from one instrument."""
+    """A serial, USB or network connection to one instrument."""
 
     address: str
     """The address in the rig file.
@@ -59,11 +54,11 @@ class Transport(Protocol):
         Parameters
         ----------
         size : int
-            The largest number of bytes.
+            Largest number of bytes.
         timeout_s : float
-            The longest wait, s.
+            Longest wait, s.
         end : bytes
-            The byte that ends the answer, which may then be shorter than `size`. Empty if only `size` ends the answer.
+            Byte that ends a shorter answer; empty if there is none.
 
         Raises
         ------
@@ -72,14 +67,12 @@ class Transport(Protocol):
         """
 
     def reopen(self) -> bool:
-        """Close a connection that has failed, and open it again.
-
-        The address may meanwhile lead to another instrument. The caller must therefore ask for the identity again.
+        """Close a connection that has failed, and open it again; another instrument may then answer.
 
         Returns
         -------
         bool
-            True if the connection is open again; False if a connection of this kind is never reopened.
+            True if the connection is open again; False if this kind of connection is never reopened.
 
         Raises
         ------
@@ -92,32 +85,29 @@ class Transport(Protocol):
 
 
 def no_answer(address: str, timeout_s: float, received: bytes = b"") -> InstrumentTimeout:
-    """Return the error for an answer that is not complete within `timeout_s` (s).
-
-    `received` contains the bytes of the answer that arrived in time.
-    """
+    """Return the error for an answer that is not complete within `timeout_s` (s); `received` is its beginning."""
     detail = f"only {received!r} came" if received else "nothing came"
     return InstrumentTimeout(f"{address}: no complete answer within {timeout_s:g} s ({detail})")
 
 
 class SerialTransport:
-    """A line to an instrument at a serial port, or at a serial port that is reached over TCP.
+    """A connection to an instrument at a serial port, which may be reached over TCP.
 
-    pyserial opens the port. The port is locked, so that two programs cannot use one instrument at the same time.
+    The port is locked against other programs.
 
     Parameters
     ----------
     address : str
-        A port such as ``/dev/ttyUSB0`` or ``COM3``, a port in the notation of VISA (``ASRL/dev/ttyUSB0::INSTR``,
-        ``ASRL3::INSTR``), or a serial line over TCP, such as ``socket://host:port`` or ``TCPIP::host::port::SOCKET``.
+        Port such as ``/dev/ttyUSB0``, ``COM3`` or ``ASRL3::INSTR``, or a serial line over TCP, such as
+        ``socket://host:port``.
     baud_rate : int
-        The speed of the line, bit/s.
+        Speed of the line, bit/s.
     data_bits : int
-        The number of data bits, 7 or 8.
+        Number of data bits, 7 or 8.
     parity : str
         "N" for none, "O" for odd, "E" for even.
     stop_bits : int
-        The number of stop bits, 1 or 2.
+        Number of stop bits, 1 or 2.
     """
 
     def __init__(
@@ -145,10 +135,9 @@ class SerialTransport:
             )
 
     def reopen(self) -> bool:
-        """Close the port and open it again. Raises InstrumentError if the port cannot be opened.
+        """Close the port and open it again; return False for a pseudo-terminal, which is not reopened.
 
-        Returns True if the port is open again. Returns False for a pseudo-terminal, which is not reopened because its
-        name may belong to another program.
+        Raises InstrumentError if the port cannot be opened.
         """
         if pseudo_terminal(self.address):
             return False
@@ -185,9 +174,9 @@ class SerialTransport:
             self._port.write(message)
 
     def read(self, size: int, timeout_s: float, end: bytes = b"") -> bytes:
-        """Return the next bytes from the port: at most `size` bytes, or the bytes up to and including `end`.
+        """Return the next bytes: at most `size` bytes, or the bytes up to and including `end`.
 
-        Raises InstrumentTimeout if neither `size` bytes nor `end` arrive within `timeout_s` (s).
+        Raises InstrumentTimeout if the bytes do not arrive within `timeout_s` (s).
         """
         with self._errors_named():
             if sys.platform == "win32":
@@ -200,12 +189,8 @@ class SerialTransport:
         return received
 
     def _polled(self, size: int, timeout_s: float, end: bytes) -> bytes:
-        """Return the next bytes from the port, by asking again and again instead of waiting in one long read.
-
-        The port is asked every `POLL_EVERY_S` (s) until `size` bytes or the byte `end` have arrived, or until
-        `timeout_s` (s) has passed. This method is for Wine, which reports an error of the line if a long read has no
-        answer in time.
-        """
+        """Return the next bytes by asking the port every `POLL_EVERY_S` (s)."""
+        # For Wine, which reports an error of the line if a long read has no answer in time.
         self._port.timeout = 0
         until = time.monotonic() + timeout_s
         received = b""
@@ -225,23 +210,23 @@ class SerialTransport:
 
 
 class Responder(Protocol):
-    """An object that replaces an instrument: the object receives bytes and returns the answer as bytes."""
+    """An object that replaces an instrument: it receives messages and returns answers."""
 
     def receive(self, data: bytes) -> bytes:
         """Receive a message and return the answer, which may be empty. Raises ConnectionError after a cut."""
 
 
 class InProcessTransport:
-    """A line (connection) to an emulator in the same process. All waits use the clock of the emulator.
+    """A connection to an emulated instrument in the same process.
 
     Parameters
     ----------
     responder : Responder
-        The emulator.
+        Emulated instrument.
     clock : Clock
-        The clock of the emulator.
+        Clock of the emulated instrument.
     address : str
-        The address that appears in messages.
+        Address in messages.
 
     Attributes
     ----------
@@ -258,7 +243,7 @@ class InProcessTransport:
         self._answered_after_s = 0.0
 
     def write(self, message: bytes) -> None:
-        """Discard the unread bytes, give the message to the emulator and store the answer."""
+        """Discard the unread bytes, send the message to the emulated instrument, and store the answer."""
         self.sent.append(message)
         asked_s = self._clock.now()
         try:
@@ -270,8 +255,7 @@ class InProcessTransport:
     def read(self, size: int, timeout_s: float, end: bytes = b"") -> bytes:
         """Return the next bytes of the stored answer: at most `size` bytes, or the bytes up to and including `end`.
 
-        Raises InstrumentTimeout if the stored answer has neither `size` bytes nor `end`, or arrives after `timeout_s`
-        (s).
+        Raises InstrumentTimeout if the answer is too short or took longer than `timeout_s` (s).
         """
         if self._answered_after_s > timeout_s:  # the answer arrived too late
             raise no_answer(self.address, timeout_s)
@@ -284,8 +268,8 @@ class InProcessTransport:
         return received
 
     def reopen(self) -> bool:
-        """Return False, because the line to an emulator in the same process cannot be reopened."""
+        """Return False, because this connection is never reopened."""
         return False
 
     def close(self) -> None:
-        """Do nothing, because an emulator in the same process needs no connection."""
+        """Do nothing, because nothing is open."""

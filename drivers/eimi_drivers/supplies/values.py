@@ -15,25 +15,18 @@ SCPI uses 9.91E+37 for "not a number" and 9.9E+37 for infinity (SCPI-99, volume 
 
 
 def set_point_text(value: float, step: str) -> str:
-    """Return a set-point as decimal text, rounded toward zero to a multiple of the step.
-
-    The set-point is first rounded to 9 decimals. Without this rounding a binary fraction such as 0.7999999999999999
-    would become 0.799 instead of 0.800.
-    """
+    """Return a set-point as decimal text, rounded toward zero to a multiple of the step."""
     return str(Decimal(repr(round(float(value), 9))).quantize(Decimal(step), ROUND_DOWN) + 0)  # + 0: no minus zero
 
 
 def number_in(reply: bytes) -> float | None:
-    """Return the number of an answer that consists of one number; None for any other answer.
-
-    The result is also None for a number above 1e30: SCPI represents infinity and missing values by such numbers.
-    """
+    """Return the number in an answer that consists of one number up to 1e30; None for any other answer."""
     if not _NUMBER.fullmatch(reply) or abs(number := float(reply.strip(_PADDING))) > _NOT_A_MEASUREMENT:
         return None
     return number
 
 
 def line_in(reply: bytes) -> str | None:
-    """Return the text of an answer that consists of one line of printable ASCII text; None for other answers."""
+    """Return the text of an answer that is one line of printable ASCII text; None for any other answer."""
     text = reply.strip(_PADDING).decode("latin-1")
     return text if text.isascii() and text.isprintable() and text else None

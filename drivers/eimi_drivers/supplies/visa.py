@@ -1,8 +1,6 @@
-"""Exchange bytes with an instrument over VISA.
+"""Send and receive bytes over VISA.
 
-Every error of VISA is raised as an error of `eimi_drivers.interfaces`. The message of the raised error contains the
-address. The original error is the cause of the raised error. PyVISA is imported when a resource is opened, because the
-import takes long.
+Every error of VISA is raised as an InstrumentError with the address.
 """
 
 from __future__ import annotations
@@ -28,18 +26,16 @@ def visa_library() -> str:
 
 
 def open_visa(address: str, baud_rate: int = 9600, stop_bits: int = 1) -> Transport:
-    """Open a VISA resource or a serial port and return the line.
-
-    pyvisa-py does not lock serial ports. If pyvisa-py is the VISA library, a serial port is opened with pyserial.
+    """Open a VISA resource or a serial port and return the connection.
 
     Parameters
     ----------
     address : str
-        A VISA resource or the name of a serial port.
+        VISA resource or name of a serial port.
     baud_rate : int
-        The speed of a serial line that pyserial opens, bit/s.
+        Speed of a serial line, bit/s; ignored if VISA opens the line.
     stop_bits : int
-        The number of stop bits on a serial line that pyserial opens.
+        Number of stop bits on a serial line; ignored if VISA opens the line.
 
     Raises
     ------
@@ -47,16 +43,13 @@ def open_visa(address: str, baud_rate: int = 9600, stop_bits: int = 1) -> Transp
         The address cannot be opened.
     """
     is_serial = is_serial_port(address)
-    if is_serial and visa_library() == "@py":
+    if is_serial and visa_library() == "@py":  # pyvisa-py does not lock serial ports
         return SerialTransport(address, baud_rate, stop_bits=stop_bits)
     return VisaTransport(address)
 
 
 def load_visa(address: str) -> None:
-    """Load the VISA library that `open_visa` needs for this address, which can take seconds. Nothing is opened.
-
-    No error is raised: if the library cannot be loaded, `open_visa` raises the error.
-    """
+    """Load the VISA library that `open_visa` needs for this address. No error is raised."""
     if not is_serial_port(address) or visa_library() != "@py":
         with suppress(Exception):  # a VISA library can raise any exception
             import pyvisa
@@ -65,16 +58,12 @@ def load_visa(address: str) -> None:
 
 
 class VisaTransport:
-    """A line to an instrument that PyVISA opens as a VISA resource.
-
-    The default VISA library is pyvisa-py (``@py``), which needs no software of the instrument's maker. The environment
-    variable PYVISA_LIBRARY selects another library, such as ``@ivi``. A line that has failed can be used again only
-    after `reopen`.
+    """A connection to an instrument that PyVISA opens as a VISA resource.
 
     Parameters
     ----------
     address : str
-        A resource such as ``TCPIP::host::port::SOCKET``, ``TCPIP::host::INSTR`` or ``USB0::…::INSTR`` (needs PyUSB).
+        Resource such as ``TCPIP::host::port::SOCKET``, ``TCPIP::host::INSTR`` or ``USB0::…::INSTR`` (needs PyUSB).
     """
 
     def __init__(self, address: str) -> None:
@@ -111,7 +100,7 @@ class VisaTransport:
         self._failed = False
 
     def reopen(self) -> bool:
-        """Close the resource, open the resource again and return True. Raises InstrumentError if opening fails."""
+        """Close the resource, open it again and return True; raise InstrumentError if opening fails."""
         with suppress(InstrumentError):
             self.close()
         self._open()
@@ -157,9 +146,9 @@ class VisaTransport:
             self._resource.write_raw(message)
 
     def read(self, size: int, timeout_s: float, end: bytes = b"") -> bytes:
-        """Return the next bytes from the resource: at most `size` bytes, or the bytes up to and including `end`.
+        """Return the next bytes: at most `size` bytes, or the bytes up to and including `end`.
 
-        Raises InstrumentTimeout if neither `size` bytes nor `end` arrive within `timeout_s` (s).
+        Raises InstrumentTimeout if the bytes do not arrive within `timeout_s` (s).
         """
         with self._errors_named(timeout_s):
             self._resource.timeout = max(round(timeout_s * 1000), 1)
@@ -173,22 +162,16 @@ class VisaTransport:
 
 
 def _send_at_once(resource: Any) -> None:
-    """Make the TCP socket of a resource of pyvisa-py send every message at once (TCP_NODELAY).
-
-    The attribute VI_ATTR_TCPIP_NODELAY of the VISA standard is true, but pyvisa-py ignores it. Without the option the
-    operating system holds a message back until the instrument has acknowledged the message before, which takes 40 ms
-    and more if the instrument answers only queries. If pyvisa-py gives no access to its socket, nothing is changed.
-    """
+    """Make the TCP socket of a resource of pyvisa-py send every message at once (TCP_NODELAY)."""
+    # Without the option the operating system waits 40 ms and more for the acknowledgement of the message before.
+    # pyvisa-py ignores VI_ATTR_TCPIP_NODELAY.
     with suppress(AttributeError, KeyError, OSError):
         interface = resource.visalib.sessions[resource.session].interface
         interface.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
 
 def _wait_by_the_monotonic_clock() -> None:
-    """Make pyvisa-py measure its timeouts with the monotonic clock instead of the wall clock.
-
-    If a person set the wall clock back by an hour, a timeout would otherwise last an hour longer.
-    """
+    """Make pyvisa-py measure its timeouts with the monotonic clock."""
     from pyvisa_py import sessions, tcpip
     from pyvisa_py.protocols import rpc
 

@@ -1,9 +1,8 @@
-"""Drive BK Precision XLN supplies over USB or RS-485.
+"""Drive BK Precision XLN supplies over USB or RS-485."""
 
-Source: XLN series user manual (XLN3640), page 59 (list of commands) and page 74 (bits of ``STATUS?``). The page about
-the end of a message was not available: a carriage return and a line feed are assumed. The offset of the current meter
-is also assumed: 0.1 % of 40 A.
-"""
+# Source: XLN series user manual (XLN3640), page 59 (list of commands) and page 74 (bits of STATUS?). Assumed:
+# carriage return and line feed at the end of a message, because that page was not available, and the offset of the
+# current meter (0.1 % of 40 A).
 
 from __future__ import annotations
 
@@ -32,10 +31,7 @@ STATUS_DIGITS = 6
 
 
 class XlnSupply(ScpiSupply):
-    """Driver of a BK Precision XLN supply.
-
-    The supply has no error queue. The driver notices a refused set-point when it reads the set-point back.
-    """
+    """Driver of a BK Precision XLN supply."""
 
     name = "bk-xln"
     ends_with = b"\r\n"
@@ -59,8 +55,7 @@ class XlnSupply(ScpiSupply):
     def identify(self) -> Identity:
         """Return the identity from the answers to ``MODEL?`` and ``VERSION?``, without a serial number.
 
-        The supply reports no serial number. Raises AnotherSupply if the identity differs from the first identity since
-        the driver was opened.
+        Raises AnotherSupply if the identity has changed since the driver was opened.
         """
         parts = (self._line(question, self._ask(question)) for question in ("MODEL?", "VERSION?"))
         return self._bind(" ".join(parts), "")

@@ -146,8 +146,7 @@ def reports_a_cut_line(bench: SensorBench) -> None:
 
 
 def closes_twice(bench: SensorBench) -> None:
-    """Check that closing twice is allowed, and that `read` of a closed sensor raises no other error than InstrumentError.
-    """
+    """Check that closing twice is allowed, and that `read` of a closed sensor raises InstrumentError or no error."""
     bench.sensor.close()
     bench.sensor.close()
     with suppress(InstrumentError):
