@@ -42,7 +42,7 @@ class Conversation:
         self._unconfirmed = False  # True after a reopening of the line, until the instrument is identified again
 
     def _question(self, message: bytes, size: int, end: bytes = b"", pause_s: float = 0.0) -> bytes:
-        """Send a query, wait `pause_s` (s), and return the answer, which ends after `size` bytes or with the byte `end`."""
+        """Send a query, wait `pause_s` (s), and return the answer: `size` bytes, or the bytes up to the byte `end`."""
         if self._unanswered and (remaining_s := self._late_until_s - self._clock.now()) > 0:
             self._clock.sleep(remaining_s)  # a late answer must not be taken for the next answer
         self._link.write(message)
