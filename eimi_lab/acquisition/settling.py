@@ -24,7 +24,8 @@ GRAB_TIMEOUT_S = 5.0
 class Settling:
     """The result of a wait for the beam to come to rest.
 
-    The difference ratio of two frames is their mean squared difference divided by the part due to noise.
+    The difference ratio of two frames is their mean squared difference divided by the part due to noise. `settle.pairs`
+    and `settle.drift_window_s` are values in the protocol.
 
     Attributes
     ----------
