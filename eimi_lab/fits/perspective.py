@@ -69,6 +69,9 @@ def _slope(profiles: Array) -> float:
 
     `profiles` has the axes state, row of `_profile`, and station (place along the beam).
     """
+    # The width of each station is free (the mean over the states is subtracted). The curvature is a second cause: the
+    # cross-section of a bent beam bows by about curvature * depth^2 / 16. The thinning of a bent beam is neglected, so
+    # that the estimated stand-off is too large by some tenths of its value.
     width, distance, curvature = (profiles - profiles.mean(axis=0)).transpose(1, 0, 2).reshape(3, -1)
     return float(np.linalg.lstsq(np.stack([distance, curvature], axis=1), width, rcond=None)[0][0])
 

@@ -51,6 +51,7 @@ def error_interval_mm(
     experiment = assumptions.applied(evidence.experiment)
     coarse = replace(experiment, model=coarse_model(experiment.model.specimen))
     comparison = assumptions.compared(fit.model, candidates, coarse, keep=True)
+    # The error of the coarse mesh is assumed to be the same for all samples.
     coarse_mm, converged = comparison.misfits[0].residuals, ~comparison.unconverged
     misfit = coarse.observed.of_residuals(np.nan_to_num(residuals_mm) + coarse_mm - coarse_mm[:1])
     errors_mm = predicted_errors_mm(fit, evidence, misfit, comparison.shapes[0].every)[:, converged[1:] & converged[0]]

@@ -106,6 +106,7 @@ def simulate_each(evidence: Evidence, laws: Sequence[Law]) -> Iterator[Predictio
     InputError
         If a law was fitted to this dataset with another model of the cross-section.
     """
+    # Similar fits have similar corrections, which are therefore starting points for the next fits.
     near: list[Correction] = []
     for fitted_law, plain in zip(laws, _planar_comparisons(evidence, [law.fit for law in laws]), strict=True):
         prediction, depth = _simulated(evidence, fitted_law, near, plain, "interpolate")

@@ -14,8 +14,6 @@ known_laws     the dictionary of the laws by their names
 search_space   conversion from the unit cube, in which the search moves, to a law's parameters
 tensile        engineering stress in uniaxial tension, and the least-squares fit of a tensile test
 cards          material cards for finite-element programs
-
-Code outside the package adds a law by ``LAWS[law.name] = law``.
 """
 
 from __future__ import annotations

@@ -1,22 +1,15 @@
-"""Material cards: an identified law in the input format of a finite-element program.
+"""Material cards: an identified law in the input format of a finite-element program, with moduli in MPa.
 
-The programs define the constants of the same strain energy differently. Each law converts its parameters to the
-constants of a program (`Law.card`), and raises NotInSolver if the program does not have the law. No term of the strain
-energy is ever left out. This module writes the constants in the format of each program. With the determinant J of the
-deformation gradient and the bulk modulus K, the volumetric energies of the programs are:
+With the determinant J of the deformation gradient and the bulk modulus K, the volumetric energies are:
 
     abaqus, calculix   (J-1)^2/D1, D1 = 2/K
     ansys              (J-1)^2/d, d = 2/K
-    comsol             K/2 (J-1)^2
-    febio              K/2 (J-1)^2, FEBio's pressure_model 2
+    comsol, febio      K/2 (J-1)^2
     sofa               K/2 ln(J)^2
-
-Moduli are in MPa (lengths in mm, forces in N). In the card for COMSOL each value has a unit.
 
 Sources: Abaqus Analysis User's Guide, hyperelastic behavior of rubberlike materials; CalculiX CrunchiX User's Manual,
 *HYPERELASTIC; ANSYS Material Reference, TB,HYPER; COMSOL Structural Mechanics Module User's Guide, hyperelastic
-materials; FEBio User's Manual, uncoupled materials; SOFA v26.06, TetrahedronHyperelasticityFEMForceField and its folder
-of materials; SOFA's pull requests 5748 (Ogden, in v25.12) and 6206 (materials as components, after v26.06).
+materials; FEBio User's Manual, uncoupled materials; SOFA v26.06, TetrahedronHyperelasticityFEMForceField.
 """
 
 from __future__ import annotations
@@ -42,18 +35,17 @@ class Material:
     Parameters
     ----------
     law
-        The hyperelastic law.
+        Hyperelastic law.
     parameters
         (n,) parameters in the order of the law; moduli in Pa.
     bulk_modulus_Pa
-        Bulk modulus in Pa, chosen by the user.
+        Bulk modulus in Pa.
     name
         Name of the material in the program: letters, digits, ``_`` and ``-``.
     origin
-        Comments on where the parameters come from, and for which strains they are valid.
+        Comments on the origin of the parameters.
     relaxation
-        Prony series of the material. The moduli in ``parameters`` are then instantaneous moduli. None: the material
-        does not relax.
+        Prony series; the moduli in ``parameters`` are then instantaneous. None for a material that does not relax.
 
     Examples
     --------
@@ -71,7 +63,7 @@ class Material:
 
     @property
     def long_term(self) -> Material:
-        """The same material with long-term moduli; without a Prony series, the moduli are not changed."""
+        """The same material with long-term moduli; unchanged without a Prony series."""
         if self.relaxation is None:
             return self
         is_modulus = np.array([unit == "Pa" for unit in self.law.units])
@@ -102,29 +94,28 @@ class Material:
 
 
 def material_card(solver: str, material: Material) -> str:
-    """Return the text of a material card for a finite-element program.
+    """Return the text of a material card (the input of a finite-element program).
 
     Parameters
     ----------
     solver
         One of `SOLVERS`: abaqus, calculix, ansys, comsol, febio or sofa.
     material
-        The law, its parameters and the bulk modulus chosen for the card.
+        Law, parameters and bulk modulus.
 
     Returns
     -------
     str
-        The text of the card. Moduli are in MPa. In the card for COMSOL each value has a unit.
+        Text of the card, with moduli in MPa.
 
     Raises
     ------
     NotInSolver
-        If the program does not have the law or cannot represent it completely, or if the law has no stiffness at rest.
+        If the program cannot represent the law, or if the law has no stiffness at rest.
     KeyError
         If the solver is unknown.
     ValueError
-        If the bulk modulus is not above two thirds of the initial shear modulus. Poisson's ratio would then be
-        negative.
+        If the bulk modulus is at most two thirds of the initial shear modulus.
 
     Examples
     --------
@@ -189,10 +180,9 @@ _WITHOUT_TIME = "this program has no Prony series for a hyperelastic material; t
 
 
 def _keyword_card(solver: str, material: Material, advice: str, moduli: str = "", more: Sequence[str] = ()) -> str:
-    """Return a card for Abaqus or CalculiX, which have the same keywords *MATERIAL and *HYPERELASTIC.
+    """Return a card for Abaqus or CalculiX, with the keywords *MATERIAL and *HYPERELASTIC.
 
-    A line has at most eight constants. ``advice`` is a comment in the card, ``moduli`` an option of *HYPERELASTIC, and
-    ``more`` are lines for the end of the card.
+    ``advice`` is a comment, ``moduli`` an option of *HYPERELASTIC, and ``more`` are the last lines of the card.
     """
     constants = material.constants_for(solver)
     volume = constants.volume or "(J - 1)^2/D1, D1 = 2/K"
@@ -238,10 +228,7 @@ def _ansys(material: Material) -> str:
 
 
 def _comsol(material: Material) -> str:
-    """Return a table for COMSOL's command Parameters, Load from File: name, expression and description.
-
-    The format has no comments. The comments are therefore the description of the row ``eimi_origin``.
-    """
+    """Return a table of parameters for COMSOL: name, expression and description."""
     time = [] if material.relaxation is None else [_WITHOUT_TIME.replace("this program", "this card for COMSOL")]
     material = material.long_term
     constants = material.law.card("comsol", material.named_Pa(), material.bulk_modulus_Pa)
@@ -264,7 +251,7 @@ def _comment(notes: Sequence[str]) -> str:
 
 
 def _febio(material: Material) -> str:
-    """Return a <material> element for FEBio; its type is the law's keyword, and each constant is a child element."""
+    """Return a <material> element (XML) for FEBio."""
     series, material = material.relaxation, material.long_term
     constants = material.constants_for("febio")
     tags = {**constants.constants, "k": MPA_PER_PA * material.bulk_modulus_Pa, "pressure_model": "2"}
@@ -286,12 +273,7 @@ def _febio(material: Material) -> str:
 
 
 def _sofa(material: Material) -> str:
-    """Return the card for SOFA: an XML element TetrahedronHyperelasticityFEMForceField with the law and its constants.
-
-    The attribute materialName is the law's name in SOFA. The attribute ParameterSet contains all constants, also those
-    of the volumetric energy. Versions of SOFA after v26.06 have another element, HyperelasticityFEMForceField, with a
-    separate element for the law; comments in the card give the constants for it.
-    """
+    """Return the element TetrahedronHyperelasticityFEMForceField (XML) for SOFA."""
     time = [] if material.relaxation is None else [_WITHOUT_TIME]
     material = material.long_term
     constants = material.constants_for("sofa")

@@ -1,9 +1,4 @@
-"""Base classes for hyperelastic laws whose strain energy W is a function of the invariants I1 and I2.
-
-I1 and I2 are the first and second invariants of the isochoric right Cauchy-Green tensor. A subclass provides W and the
-derivatives of W by the invariants. With the chain rule, the classes compute the energy of planar deformations, the
-energy as a function of principal stretches, the stability limit and tensile fits.
-"""
+"""Base classes for hyperelastic laws whose strain energy W is a function of the isochoric invariants I1 and I2."""
 
 from __future__ import annotations
 
@@ -22,10 +17,9 @@ Array = NDArray[np.float64]
 
 
 class _Invariant(NamedTuple):
-    """The value of an invariant (I1 or I2) of a planar deformation, and its derivatives by a and J.
+    """The value of the invariant I1 or I2 of a planar deformation, and its derivatives by a = F : F and J = det F.
 
-    Let F be the deformation gradient in the plane, a = F : F and J = det F. The field ``a`` is the first derivative by
-    a, ``aJ`` the mixed second derivative, and so on. The second derivative by a is zero.
+    F is the deformation gradient in the plane. The field ``aJ`` is the mixed second derivative.
     """
 
     value: Array
@@ -36,9 +30,9 @@ class _Invariant(NamedTuple):
 
 
 def _first_invariant(a: Array, J: Array, section: Section) -> _Invariant:
-    """Return the first isochoric invariant I1 of planar deformations and its derivatives by a and J.
+    """Return the isochoric invariant I1 and its derivatives by a = F : F and J = det F.
 
-    a = F : F and J = det F with the deformation gradient F in the plane.
+    F is the deformation gradient in the plane.
     """
     if section == "plane-stress":
         s = 1 / J**2
@@ -49,9 +43,9 @@ def _first_invariant(a: Array, J: Array, section: Section) -> _Invariant:
 
 
 def _second_invariant(a: Array, J: Array, section: Section) -> _Invariant:
-    """Return the second isochoric invariant I2 of planar deformations and its derivatives by a and J.
+    """Return the isochoric invariant I2 and its derivatives by a = F : F and J = det F.
 
-    a = F : F and J = det F with the deformation gradient F in the plane.
+    F is the deformation gradient in the plane.
     """
     if section == "plane-stress":
         s = 1 / J**2
@@ -67,10 +61,7 @@ def _second_invariant(a: Array, J: Array, section: Section) -> _Invariant:
 
 
 class InvariantEnergy(ABC):
-    """The base class of a strain energy W(x, y) with x = I1 - 3 and y = I2 - 3.
-
-    W must be the sum of a function of x and a multiple of y. The only second derivative that is not zero is then
-    d²W/dx².
+    """The base class of a strain energy that is the sum of a function of I1 - 3 and a multiple of I2 - 3.
 
     Attributes
     ----------
@@ -89,14 +80,13 @@ class InvariantEnergy(ABC):
         parameters
             (..., n) parameters of the law.
         x, y
-            (...) x = I1 - 3 and y = I2 - 3. For an energy that does not depend on I2 (``needs_second`` is False),
-            ``y`` may be a scalar zero.
+            (...) x = I1 - 3 and y = I2 - 3, with the isochoric invariants I1 and I2.
         """
 
     def planar(self, parameters: Array, a: Array, J: Array, section: Section) -> PlanarEnergy:
-        """Return the strain energy density of planar deformations and its derivatives by a and J.
+        """Return the strain energy density and its derivatives by a = F : F and J = det F.
 
-        a = F : F and J = det F with the deformation gradient F in the plane.
+        F is the deformation gradient in the plane.
         """
         i1 = _first_invariant(a, J, section)
         if not self.needs_second:
@@ -117,10 +107,7 @@ class InvariantEnergy(ABC):
         )
 
     def principal(self, parameters: Array, stretches: Array) -> tuple[Array, Array, Array]:
-        """Return the strain energy, and its gradient and Hessian by the logarithmic principal stretches.
-
-        See `Law.principal`.
-        """
+        """Return the strain energy, and its gradient and Hessian by the logarithmic principal stretches."""
         q, r = stretches**2, stretches**-2
         w, w1, w2, w11 = self.coefficients(parameters, q.sum(-1) - 3, r.sum(-1) - 3)
         gradient = 2 * w1[..., None] * q - 2 * w2[..., None] * r
@@ -132,10 +119,7 @@ class InvariantEnergy(ABC):
 class InvariantLaw(InvariantEnergy):
     """The base class of laws whose strain energy is a function of the invariants I1 and I2.
 
-    A subclass defines the energy, the initial shear modulus and the coordinates of the search. By default, stability is
-    examined at sampled deformations, a tensile curve is fitted within the bounds of the search, and the law cannot be
-    exported to a finite-element program. A subclass can override these defaults, which are the methods
-    ``drucker_limit``, ``fit_stress`` and ``card``.
+    A subclass defines the energy, the initial shear modulus and the coordinates of the search.
 
     Examples
     --------
@@ -173,24 +157,23 @@ class InvariantLaw(InvariantEnergy):
 
     @abstractmethod
     def initial_shear_modulus(self, parameters: Array) -> Array:
-        """Return the initial shear modulus, 2 (dW/dI1 + dW/dI2) at rest, see `Law.initial_shear_modulus`."""
+        """Return the initial shear modulus, 2 (dW/dI1 + dW/dI2) at rest."""
 
     @abstractmethod
     def from_coordinates(self, x: Array) -> Array:
-        """Convert coordinates (the quantities that the search varies) into parameters, see `Law.from_coordinates`."""
+        """Convert coordinates (the quantities that the search varies) into parameters."""
 
     def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
-        """Return the largest stable stretch of each of P candidate laws, (P,), from sampled deformations.
+        """Return the smallest stretch at which a sampled deformation is unstable, for P sets of parameters, (P,).
 
-        Deformations up to ``largest_stretch`` are sampled (`laws.stability`). The result is the smallest stretch at
-        which one of them is unstable, and infinity if there is no such deformation.
+        The result is infinity if all sampled deformations are stable.
         """
         return scanned_limit(self, parameters, largest_stretch)
 
     def fit_stress(self, strain: Array, stress: Array, weight: Array) -> StressFit:
-        """Fit the law to a tensile curve by least squares, within the bounds of the search; see `Law.fit_stress`."""
+        """Fit the law to a tensile curve by least squares, within the bounds of the search."""
         return bounded_least_squares(self, strain, stress, weight)
 
     def card(self, solver: str, p: Mapping[str, float], bulk: float) -> CardConstants:
-        """Raise NotInSolver, because no finite-element program is known to have the law."""
+        """Raise NotInSolver: no finite-element program is known to have the law."""
         raise NotInSolver(f"the {self.name} law cannot be exported to {solver}; choose another program")

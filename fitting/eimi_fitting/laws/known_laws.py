@@ -1,4 +1,4 @@
-"""The dictionary of the hyperelastic laws by name. The error for an unknown name suggests the most similar name."""
+"""The dictionary of the hyperelastic laws by name."""
 
 from __future__ import annotations
 

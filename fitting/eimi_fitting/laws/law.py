@@ -1,15 +1,9 @@
 """The interface of a hyperelastic law, and the types of the arguments and results of its methods.
 
-In a planar deformation, let F be the deformation gradient in the plane (2, 2), a = F : F and J = det F. The strain
-energy psi of an isotropic law depends only on a and J. A planar element therefore needs psi(a, J) and the five first
-and second derivatives of psi. The third principal stretch follows from the section:
+With the deformation gradient F in the plane, a = F : F and J = det F, the isochoric invariants are:
 
-plane strain   The third principal stretch is 1. The isochoric invariants are I1 = J^(-2/3) (a + 1) and
-               I2 = J^(-4/3) (a + J^2). The element adds the energy of the volume, with the pressure as an unknown.
-plane stress   The material is incompressible and the third principal stretch is 1/J. The invariants are
-               I1 = a + J^-2 and I2 = J^2 + a J^-2. No pressure is needed.
-
-For stability, tensile tests and solid elements, the energy is a function of the principal stretches.
+plane strain   I1 = J^(-2/3) (a + 1) and I2 = J^(-4/3) (a + J^2); the third principal stretch is 1
+plane stress   I1 = a + J^-2 and I2 = J^2 + a J^-2; the material is incompressible
 """
 
 from __future__ import annotations
@@ -36,7 +30,7 @@ class PlanarEnergy(NamedTuple):
     Parameters
     ----------
     value
-        Strain energy density psi, in the unit of the moduli. All six arrays have the same shape.
+        psi, in the unit of the moduli.
     a, J
         First derivatives, d psi/d a and d psi/d J.
     aa, aJ, JJ
@@ -53,14 +47,14 @@ class PlanarEnergy(NamedTuple):
 
 @dataclass(frozen=True)
 class Coordinate:
-    """One coordinate of the search for a law's parameters: a quantity that the search varies.
+    """A quantity that the search for a law's parameters varies.
 
     Parameters
     ----------
     name
-        Name of the coordinate in messages and reports.
+        Name in messages and reports.
     lower, upper
-        Bounds of the search. The bounds were chosen in this project unless a publication is cited.
+        Bounds of the search.
     """
 
     name: str
@@ -70,22 +64,22 @@ class Coordinate:
 
 @dataclass(frozen=True)
 class StressFit:
-    """Result of a least-squares fit of a law with n parameters to a tensile curve.
+    """The least-squares fit of a law with n parameters to a tensile curve.
 
     Parameters
     ----------
     parameters
         (n,) fitted parameters; moduli in the unit of the stress.
     intervals
-        (n, 2) lower end (column 0) and upper end (column 1) of the 95 % interval of each parameter.
+        (n, 2) lower and upper end of the 95 % interval of each parameter.
     held_by_bounds
-        (n,) True where the bounds of the search, and not the data, limit the parameter.
+        (n,) True for a parameter that only the bounds of the search limit.
     modulus_half_width
-        Half the width of the 95 % interval of the initial shear modulus, in the unit of the stress.
+        Half the width of the 95 % interval of the initial shear modulus.
     correlation_rows
-        Number of correlated rows of the curve that carry as much information as one independent row.
+        Correlation length of the residuals in rows.
     correlation
-        (n, n) correlation matrix of the errors of the parameters.
+        (n, n) correlation matrix of the parameters.
     """
 
     parameters: Array
@@ -98,20 +92,20 @@ class StressFit:
 
 @dataclass(frozen=True)
 class CardConstants:
-    """The constants of a law as a finite-element program defines them; `laws.cards` writes a material card with them.
+    """The constants of a law as a finite-element program defines them.
 
     Parameters
     ----------
     keyword
         The program's name of the law.
     constants
-        Value of each constant by name, in the order of the program. A string is a formula.
+        Value of each constant by name; a string is a formula.
     dimensionless
         Names of the constants that are not moduli.
     meaning
-        Description of each constant whose name does not explain it.
+        Description of constants by name.
     volume
-        The volumetric energy as a formula; None if it is the usual formula of the program.
+        Formula of the volumetric energy; None for the usual formula of the program.
     notes
         Comments for the reader of the card.
     """
@@ -129,15 +123,13 @@ class CannotFit(Exception):
 
 
 class NotInSolver(Exception):
-    """A finite-element program does not have a hyperelastic law, or cannot represent the law completely."""
+    """A finite-element program cannot represent a hyperelastic law."""
 
 
 class Law(Protocol):
     """A hyperelastic law with n parameters.
 
-    Parameters are arrays of shape (..., n). The leading axes are broadcast against the arrays of deformations. All
-    moduli have the same unit of stress, which may be any unit, and strain energies have this unit too. A law that is a
-    function of the invariants can inherit most methods from `laws.invariants.InvariantLaw`.
+    Parameters are arrays of shape (..., n). Moduli and strain energies have the same unit, which may be any unit.
 
     Examples
     --------
@@ -168,11 +160,7 @@ class Law(Protocol):
 
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:
-        """The coordinates in which the law's parameters are searched: the initial shear modulus (Pa), then ratios.
-
-        The ratios are dimensionless. The search uses a logarithmic scale for the initial shear modulus and a linear
-        scale for the ratios.
-        """
+        """The coordinates of the search for the parameters: the initial shear modulus (Pa), then ratios."""
 
     def from_coordinates(self, x: Array) -> Array:
         """Convert coordinates (the quantities that the search varies) into parameters of the law.
@@ -180,12 +168,12 @@ class Law(Protocol):
         Parameters
         ----------
         x
-            (P, m) m coordinates of P candidate laws, in the order of `coordinates`.
+            (P, m) m coordinates of P points of the search, in the order of `coordinates`.
 
         Returns
         -------
         Array
-            (P, n) parameters. Every modulus is proportional to the first coordinate.
+            (P, n) parameters.
         """
 
     def initial_shear_modulus(self, parameters: Array) -> Array:
@@ -228,30 +216,28 @@ class Law(Protocol):
         parameters
             (..., n) parameters.
         stretches
-            (..., 3) isochoric principal stretches; their product is 1.
+            (..., 3) isochoric principal stretches.
 
         Returns
         -------
         energy, gradient, hessian
-            Strain energies (...), first derivatives (..., 3) and second derivatives (..., 3, 3) by the logarithms of
-            the three stretches.
+            Energies (...), first derivatives (..., 3) and second derivatives (..., 3, 3).
         """
 
     def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
-        """Return the largest stretch up to which each candidate law fulfils Drucker's criterion (`laws.stability`).
+        """Return the largest stretch up to which a law fulfils Drucker's stability criterion.
 
         Parameters
         ----------
         parameters
-            (P, n) parameters of P candidates.
+            (P, n) P sets of parameters.
         largest_stretch
-            (P,) stretches, at least 1, up to which the stability of each candidate is examined.
+            (P,) stretches up to which the stability is examined.
 
         Returns
         -------
         Array
-            (P,) stretches; 0 for a candidate that is unstable even at rest. For a candidate that is stable up to
-            ``largest_stretch``, the result may be any stretch that is not smaller than ``largest_stretch``.
+            (P,) stretches; 0 if the law is unstable at rest; at least ``largest_stretch`` if no instability occurs.
         """
 
     def fit_stress(self, strain: Array, stress: Array, weight: Array) -> StressFit:
@@ -276,7 +262,7 @@ class Law(Protocol):
         Parameters
         ----------
         solver
-            Name of the program, usually one of `laws.cards.SOLVERS`.
+            Name of the program, such as abaqus.
         p
             Parameters of the law by name.
         bulk
@@ -285,6 +271,5 @@ class Law(Protocol):
         Raises
         ------
         NotInSolver
-            If the program does not have the law, or if the conversion to the constants of this program is not
-            implemented.
+            If the program cannot represent the law.
         """

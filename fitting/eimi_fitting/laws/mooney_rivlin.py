@@ -1,18 +1,6 @@
 """The Mooney-Rivlin law: a strain energy that is linear in both invariants I1 and I2.
 
 Source: Holzapfel, Nonlinear Solid Mechanics, 2000, section 6.5.
-
-The stability limit is exact. The law is stable at a deformation if the determinant of the restricted Hessian (defined
-in `laws.stability`) is positive. The determinant is, up to a positive factor,
-
-    D = C10^2 I2 + C01^2 I1 + C10 C01 (I1 I2 - 3).
-
-D can become zero only if C01 or C10 is negative. Where it is zero, it decreases with I1 and with I2.
-
-Only equibiaxial tension has to be examined. Among all deformations with the same I1, it has the largest I2: if any of
-them is unstable, equibiaxial tension is unstable too. It also has the smallest value of the largest principal stretch,
-in which the limit is expressed. The limit is the first zero of D in equibiaxial tension: the smallest positive root of
-a polynomial in the square of the stretch.
 """
 
 from __future__ import annotations
@@ -49,10 +37,7 @@ class MooneyRivlin(InvariantLaw):
     )
 
     def from_coordinates(self, x: Array) -> Array:
-        """Return the parameters C10 and C01 of P candidate laws, (P, 2), from the coordinates of the search, (P, 2).
-
-        The coordinates (the quantities that the search varies) are 2 (C10 + C01) and C01/(C10 + C01).
-        """
+        """Return C10 and C01, (P, 2), from the coordinates of the search 2 (C10 + C01) and C01/(C10 + C01), (P, 2)."""
         mu0, share = x[:, 0], x[:, 1]
         return np.column_stack([0.5 * mu0 * (1 - share), 0.5 * mu0 * share])
 
@@ -61,22 +46,20 @@ class MooneyRivlin(InvariantLaw):
         return 2 * (parameters[..., 0] + parameters[..., 1])
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Return the strain energy W = C10 x + C01 y and its derivatives dW/dx, dW/dy and d²W/dx².
-
-        x = I1 - 3 and y = I2 - 3, with the isochoric invariants I1 and I2.
-        """
+        """Return W = C10 x + C01 y, with x = I1 - 3 and y = I2 - 3, and its derivatives dW/dx, dW/dy and d²W/dx²."""
         c10, c01 = parameters[..., 0], parameters[..., 1]
         zero = np.zeros_like(x)
         return c10 * x + c01 * y, c10 + zero, c01 + zero, zero
 
     def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
-        """Return the stretch in equibiaxial tension up to which each of P candidate laws is stable, (P,).
+        """Return the stretch in equibiaxial tension up to which the law is stable, for P sets of parameters, (P,).
 
-        The limit has one of two causes. If C01 is negative, the stress has its maximum at this stretch. If C10 is
-        negative, a sheet under equal tension in two directions begins to stretch more in one of them; this happens
-        where C10 q + C01/q = 0, with the square q of the stretch. The result is infinity if neither is negative, and 0
-        if C10 + C01 is not positive. ``largest_stretch`` is not used.
+        The result is infinity if the law is always stable, and 0 if the law is unstable at rest.
         """
+        # The law is stable where D = C10^2 I2 + C01^2 I1 + C10 C01 (I1 I2 - 3) > 0, the determinant of the restricted
+        # Hessian up to a positive factor. Equibiaxial tension loses stability first: of all deformations with the same
+        # I1 it has the largest I2, and D decreases with I2 where D = 0. C01 < 0: the stress has its maximum. C10 < 0: a
+        # sheet stretches more in one of two directions.
         c10, c01 = parameters.T
         limit = np.full(len(parameters), np.inf)
         bifurcating, softening = c10 < 0, c01 < 0
@@ -85,11 +68,11 @@ class MooneyRivlin(InvariantLaw):
         return np.where(c10 + c01 > 0, limit, 0.0)
 
     def fit_stress(self, strain: Array, stress: Array, weight: Array) -> StressFit:
-        """Fit the Mooney-Rivlin law to a tensile curve by linear least squares, see `Law.fit_stress`."""
+        """Fit the Mooney-Rivlin law to a tensile curve by linear least squares."""
         return linear_least_squares(self, strain, stress, weight)
 
     def card(self, solver: str, p: Mapping[str, float], bulk: float) -> CardConstants:
-        """Return the constants of the Mooney-Rivlin law for any program of `laws.cards.SOLVERS`."""
+        """Return the constants of the Mooney-Rivlin law for a finite-element program."""
         c10, c01 = p["C10"], p["C01"]
         match solver:
             case "abaqus" | "calculix":

@@ -29,7 +29,7 @@ class NeoHookean(InvariantLaw):
     coordinates: tuple[Coordinate, ...] = (Coordinate("mu", *SHEAR_MODULUS_PA),)
 
     def from_coordinates(self, x: Array) -> Array:
-        """Return the parameter mu of P candidate laws, (P, 1). The only coordinate of the search is mu itself."""
+        """Return the parameter mu, (P, 1), from the only coordinate of the search, which is mu itself."""
         return x[:, :1]
 
     def initial_shear_modulus(self, parameters: Array) -> Array:
@@ -37,24 +37,24 @@ class NeoHookean(InvariantLaw):
         return parameters[..., 0]
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Return the strain energy W = mu/2 x and its derivatives dW/dx, dW/dy and d²W/dx².
+        """Return W = mu/2 x, with x = I1 - 3, and its derivatives dW/dx, dW/dy and d²W/dx².
 
-        x = I1 - 3 and y = I2 - 3, with the isochoric invariants I1 and I2. The law does not depend on y.
+        y = I2 - 3 has no influence.
         """
         half = 0.5 * parameters[..., 0]
         zero = np.zeros_like(x)
         return half * x, half + zero, zero, zero
 
     def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
-        """Return the largest stable stretch of each of P candidate laws, (P,): infinity if mu is positive, else 0."""
+        """Return the largest stable stretch for P values of mu, (P,): infinity if mu is positive, else 0."""
         return np.where(parameters[:, 0] > 0, np.inf, 0.0)
 
     def fit_stress(self, strain: Array, stress: Array, weight: Array) -> StressFit:
-        """Fit the Neo-Hookean law to a tensile curve by linear least squares, see `Law.fit_stress`."""
+        """Fit the Neo-Hookean law to a tensile curve by linear least squares."""
         return linear_least_squares(self, strain, stress, weight)
 
     def card(self, solver: str, p: Mapping[str, float], bulk: float) -> CardConstants:
-        """Return the constants of the Neo-Hookean law for any program of `laws.cards.SOLVERS`."""
+        """Return the constants of the Neo-Hookean law for a finite-element program."""
         mu = p["mu"]
         match solver:
             case "abaqus" | "calculix":

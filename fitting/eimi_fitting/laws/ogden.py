@@ -1,23 +1,6 @@
 """The Ogden law: a strain energy with three powers of the principal stretches.
 
-Source: Holzapfel, Nonlinear Solid Mechanics, 2000, section 6.5. The parameters of term p are the modulus mu_p and the
-exponent alpha_p.
-
-Planar energy. Let F be the deformation gradient in the plane, a = F : F, J = det F and c = a/(2 J). The two stretches
-lambda1 and lambda2 in the plane appear as lambda1^alpha + lambda2^alpha = 2 J^(alpha/2) cosh(alpha/2 arccosh c).
-
-Stability. The Hessian of the energy by the logarithmic stretches is diagonal with the entries f(ln lambda_i), where
-f(e) = sum over p of mu_p alpha_p exp(alpha_p e). A deformation is stable if sum over i of f(ln lambda_i) d_i^2 is
-positive for all increments d_i of the logarithmic stretches whose sum is zero (`laws.stability`). The deformations are
-divided into cells. In a cell, each ln lambda_i stays within an interval, and f has a lower bound on this interval. The
-sum is positive in the whole cell if it is positive with these lower bounds in place of f (`laws.stable_cells`). Unlike
-a scan, this proof cannot overlook an unstable deformation between sampled deformations. A cell that cannot be proved
-stable counts as unstable.
-
-Tensile curves. The contribution mu_p alpha_p / 2 of each term to the initial shear modulus is kept non-negative, which
-is Hill's sufficient condition for stability. The exponents stay within the bounds of the search. Without these two
-restrictions, different sets of three terms can fit a curve equally well (Ogden, Saccomandi and Sgura 2004, Comput.
-Mech. 34:484).
+Source: Holzapfel, Nonlinear Solid Mechanics, 2000, section 6.5.
 """
 
 from __future__ import annotations
@@ -54,7 +37,7 @@ _SERIES_PRODUCT = 2.0
 
 
 def _number_of_terms(nu2: float, z: float) -> int:
-    """Return how many terms of the series of cosh(nu arccosh c) in c - 1 give full precision, at most ten.
+    """Return how many terms of the Taylor series of cosh(nu arccosh c) at c = 1 give full precision, at most ten.
 
     nu2: largest value of nu^2. z: largest value of c - 1.
     """
@@ -107,9 +90,7 @@ class Ogden:
     """The Ogden law, W = sum over p = 1..3 of mu_p/alpha_p (l1^alpha_p + l2^alpha_p + l3^alpha_p - 3).
 
     l1, l2 and l3 are the principal stretches. The initial shear modulus is half the sum of mu_p alpha_p (Holzapfel's
-    Eq. 6.120). The bounds of the exponents exclude zero and do not overlap. No two terms can therefore be exchanged in
-    a search. If mu_p alpha_p is positive in every term, the law is stable everywhere (Hill 1970, J. Mech. Phys. Solids
-    18:457).
+    Eq. 6.120). If mu_p alpha_p is positive in every term, the law is stable (Hill 1970, J. Mech. Phys. Solids 18:457).
     """
 
     name: str = "ogden"
@@ -126,10 +107,10 @@ class Ogden:
     )
 
     def from_coordinates(self, x: Array) -> Array:
-        """Return the parameters mu_p and alpha_p of P candidate laws, (P, 6), from coordinates of the search, (P, 6).
+        """Return the parameters mu_p and alpha_p, (P, 6), from coordinates of the search, (P, 6).
 
-        The initial shear modulus mu0 is divided among the terms: mu_p alpha_p = 2 mu0 w_p, where the sum of the
-        fractions w_p is 1. The coordinates are mu0, w_1, w_2/(1 - w_1) and the three exponents.
+        The coordinates are mu0, w_1, w_2/(1 - w_1) and the exponents, with the initial shear modulus mu0 and the
+        fractions w_p = mu_p alpha_p/(2 mu0).
         """
         first = x[:, 1]
         shares = np.column_stack([first, (1 - first) * x[:, 2], (1 - first) * (1 - x[:, 2])])
@@ -142,10 +123,9 @@ class Ogden:
         return 0.5 * np.sum(parameters[..., 0::2] * parameters[..., 1::2], axis=-1)
 
     def planar(self, parameters: Array, a: Array, J: Array, section: Section) -> PlanarEnergy:
-        """Return the strain energy density of planar deformations and its derivatives by a and J.
+        """Return the strain energy density and its derivatives by a = F : F and J = det F.
 
-        a = F : F and J = det F with the deformation gradient F in the plane. The result is also accurate if the two
-        stretches in the plane are equal.
+        F is the deformation gradient in the plane.
         """
         over_J = 1 / J
         c = 0.5 * a * over_J
@@ -174,10 +154,7 @@ class Ogden:
         )
 
     def principal(self, parameters: Array, stretches: Array) -> tuple[Array, Array, Array]:
-        """Return the strain energy, and its gradient and Hessian by the logarithmic principal stretches.
-
-        See `Law.principal`.
-        """
+        """Return the strain energy, and its gradient and Hessian by the logarithmic principal stretches."""
         mu, alpha = parameters[..., None, 0::2], parameters[..., None, 1::2]
         powers = stretches[..., :, None] ** alpha
         energy = np.sum(mu / alpha * (powers - 1), axis=(-1, -2))
@@ -186,11 +163,10 @@ class Ogden:
         return energy, gradient, diagonal[..., None] * np.eye(3)
 
     def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
-        """Return the stretch up to which each of P candidate laws is proved stable, (P,).
+        """Return the stretch up to which the law is proved stable, for P sets of parameters, (P,).
 
-        The result is 0 if the initial shear modulus is not positive, and infinity if it is positive and mu_p alpha_p is
-        negative for none of the three terms p. In all other cases, deformations up to ``largest_stretch`` are examined
-        (`laws.stable_cells`), and the result is at most ``largest_stretch``.
+        The result is 0 if the law is unstable at rest. If mu_p alpha_p is not negative in any term p, the result is
+        infinity; otherwise it is at most ``largest_stretch``.
         """
         alpha = parameters[:, 1::2]
         weight = parameters[:, 0::2] * alpha
@@ -209,8 +185,7 @@ class Ogden:
     def card(self, solver: str, p: Mapping[str, float], bulk: float) -> CardConstants:
         """Return the constants of the Ogden law for a finite-element program.
 
-        SOFA has an Ogden law with one term only. A card for SOFA is therefore possible only if two of the three moduli
-        are zero. Otherwise NotInSolver is raised.
+        Raises NotInSolver for SOFA if more than one modulus differs from zero.
         """
         values = list(p.values())
         terms = list(enumerate(zip(values[0::2], values[1::2], strict=True), 1))
@@ -254,11 +229,7 @@ class Ogden:
 
 
 def _stress_of_terms(law: Law, exponents: Array, strain: Array) -> Array:
-    """Return the engineering stress of each of three Ogden terms at m strains, (m, 3), if mu_p alpha_p / 2 is 1.
-
-    mu_p and alpha_p are the modulus and the exponent of term p; mu_p alpha_p / 2 is its contribution to the initial
-    shear modulus. exponents: the three alpha_p. strain: engineering strains (m,).
-    """
+    """Return the engineering stress of each Ogden term at m strains for a shear modulus of 1, (m, 3)."""
     parameters = np.zeros((3, 6))
     parameters[:, 1::2] = exponents
     parameters[np.arange(3), 2 * np.arange(3)] = 2 / exponents
@@ -266,11 +237,9 @@ def _stress_of_terms(law: Law, exponents: Array, strain: Array) -> Array:
 
 
 def _least_squares(law: Law, strain: Array, stress: Array, weight: Array) -> StressFit:
-    """Fit the Ogden law to a tensile curve: search the exponents alpha_p within their bounds, from several starts.
-
-    For each choice of exponents, least squares gives the contributions mu_p alpha_p / 2 of the terms to the initial
-    shear modulus. None of them may be negative.
-    """
+    """Fit the Ogden law to a tensile curve: search the exponents, and compute the moduli by least squares."""
+    # Without bounds of the exponents and non-negative contributions mu_p alpha_p / 2 (Hill), different sets of three
+    # terms can fit a curve equally well (Ogden, Saccomandi and Sgura 2004, Comput. Mech. 34:484).
     lower = np.array([c.lower for c in law.coordinates[-3:]])
     upper = np.array([c.upper for c in law.coordinates[-3:]])
     target = weight * stress
@@ -306,14 +275,9 @@ def _least_squares(law: Law, strain: Array, stress: Array, weight: Array) -> Str
 def _with_intervals(
     law: Law, parameters: Array, strain: Array, residual: Array, weight: Array, ranges: Array
 ) -> StressFit:
-    """Return the tensile fit of the Ogden law with its 95 % intervals.
-
-    The stress is linearised in the exponents alpha_p and in the contributions mu_p alpha_p / 2 of the terms to the
-    initial shear modulus. Each exponent has a normal prior with the variance of a uniform distribution between its
-    bounds (``ranges``). If the fit gives the contribution zero to a term, the data do not determine its exponent, and
-    the interval of the exponent is the range between the bounds. The interval of the modulus mu_p of this term extends
-    from zero to the largest value whose effect on the curve cannot be distinguished from the noise.
-    """
+    """Return the tensile fit of the Ogden law with its 95 % intervals; ``ranges`` holds the bounds of the exponents."""
+    # The bounds of an exponent act as a normal prior with the variance of a uniform distribution. The modulus of an
+    # absent term can have any value whose effect on the curve cannot be distinguished from the noise.
     exponents = parameters[1::2]
     shares = 0.5 * parameters[0::2] * exponents
     present = np.flatnonzero(shares > 0)

@@ -1,17 +1,11 @@
-"""Prony series: the relaxation of a quasi-linear viscoelastic material.
+"""Prony series: the relaxation of a quasi-linear viscoelastic material (Fung 1993, Biomechanics, section 7.6).
 
-In a quasi-linear material, the stress of the hyperelastic law relaxes by one function of time, whatever the strain is
-(Fung 1993, Biomechanics, section 7.6). A time t after a sudden strain, the shear modulus is
+A time t after a sudden strain, and for a motion proportional to exp(s t) with a complex rate s, the shear modulus is
 
-    mu(t) = mu_0 (1 - sum_i g_i (1 - exp(-t / tau_i))) = mu_inf + sum_i mu_i exp(-t / tau_i),    g_i = mu_i / mu_0.
+    mu(t) = mu_0 (1 - sum_i g_i (1 - exp(-t / tau_i))),    mu*(s) = mu_0 (1 - sum_i g_i / (1 + s tau_i)).
 
-Here mu_0 is the instantaneous and mu_inf the long-term shear modulus. Term i has the modulus mu_i, the relative modulus
-g_i and the relaxation time tau_i. For a motion proportional to exp(s t) with a complex rate s, the modulus is
-
-    mu*(s) = mu_0 (1 - sum_i g_i / (1 + s tau_i)).
-
-At s = i omega this is the complex dynamic modulus (Ferry 1980, Viscoelastic Properties of Polymers, chapter 3). After a
-sudden constant stress, the strain creeps from its first value to mu_0 / mu_inf times this value.
+Here mu_0 is the instantaneous shear modulus, g_i the relative modulus and tau_i the relaxation time of term i. At
+s = i omega, mu* is the complex dynamic modulus (Ferry 1980, Viscoelastic Properties of Polymers, chapter 3).
 """
 
 from __future__ import annotations
@@ -27,14 +21,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Prony:
-    """A Prony series with n terms, or several such series (one for each candidate law) along the leading axes.
+    """A Prony series with n terms, or several such series along the leading axes.
 
     Parameters
     ----------
     g : ndarray, shape (..., n)
-        Relative moduli g_i: the fraction of the instantaneous modulus that each term loses.
+        Relative moduli: the fraction of the instantaneous modulus that each term loses.
     tau_s : ndarray, shape (..., n)
-        Relaxation times tau_i in s.
+        Relaxation times in s.
 
     Examples
     --------
@@ -53,20 +47,17 @@ class Prony:
 
     @property
     def long_term(self) -> Array:
-        """The long-term modulus divided by the instantaneous modulus, shape (...), one ratio for each series."""
+        """The long-term modulus divided by the instantaneous modulus, shape (...)."""
         return np.asarray(1 - np.sum(self.g, axis=-1))
 
     def ratio(self, time_s: ArrayLike) -> Array:
-        """Return the relaxing modulus mu(t) divided by mu_0 = mu(0), at m times, (..., m), or at one time, (...)."""
+        """Return the modulus mu(t) divided by mu(0), at m times (..., m) or at one time (...)."""
         time = np.asarray(time_s, float)
         gone = -np.expm1(-time[..., None] / _with_axes(self.tau_s, time.ndim))
         return np.asarray(1 - np.sum(_with_axes(self.g, time.ndim) * gone, axis=-1))
 
     def creep(self, time_s: float) -> Array:
-        """Return the strain at a time after a sudden constant stress, divided by the immediate strain, shape (...).
-
-        It is the exact solution of n linear differential equations, one for each term of the series.
-        """
+        """Return the strain at a time after a sudden constant stress, divided by the immediate strain, shape (...)."""
         u = np.sqrt(self.g / self.tau_s)
         matrix = u[..., :, None] * u[..., None, :] - np.eye(u.shape[-1]) / self.tau_s[..., None]
         rates, modes = np.linalg.eigh(matrix)
@@ -74,9 +65,9 @@ class Prony:
         return np.asarray(1 + np.sum(shares * np.expm1(rates * time_s) / rates, axis=-1))
 
     def complex_ratio(self, s: NDArray[Any]) -> NDArray[np.complex128]:
-        """Return the complex modulus mu*(s) for motions proportional to exp(s t), divided by the instantaneous modulus.
+        """Return the complex modulus for motions proportional to exp(s t), divided by the instantaneous modulus.
 
-        s: complex rates (..., m) in 1/s; for a single series also one rate, (). The result has the shape of s.
+        s: complex rates in 1/s, (..., m).
         """
         axes = min(np.ndim(s), 1)
         rate = np.asarray(s, complex)[..., None]

@@ -1,18 +1,11 @@
 """Conversion from the unit cube, in which the search moves, to the parameters of a law.
 
-The search varies coordinates between 0 and 1. These unit coordinates are mapped to the physical coordinates of the law
-(`Law.coordinates`): the initial shear modulus on a logarithmic scale, and dimensionless ratios on a linear scale. A
-bending test determines the initial shear modulus well and the ratios poorly. Therefore the initial shear modulus is a
-coordinate of its own.
-
-The bulk modulus K can be added as a last coordinate, log10(K/mu), with the initial shear modulus mu. The first
-coordinate is then no longer mu, but a quarter of
+The modulus has a logarithmic scale, and dimensionless ratios have a linear scale. With the bulk modulus K, the
+coordinates also contain log10(K/mu), and the first coordinate is not the shear modulus mu, but a quarter of
 
     E / (1 - nu^2) = 4 mu (3 K + mu) / (3 K + 4 mu),
 
-because a bending test in plane strain determines this stiffness and not mu. E is Young's modulus and nu Poisson's
-ratio. The quarter equals mu if the material is incompressible. Above K/mu = 100 the shapes of the beam hardly depend on
-K. The upper end of the 95 % interval of K/mu is then the upper bound of the search.
+where E is Young's modulus and nu is Poisson's ratio.
 """
 
 from __future__ import annotations
@@ -32,18 +25,16 @@ STIFFNESS_NAME = "a quarter of E/(1-nu^2)"
 
 @dataclass(frozen=True)
 class SearchSpace:
-    """The coordinates of the search for the parameters of one law, and their bounds; created by `search_space`.
+    """The quantities (coordinates) that the search for the parameters of one law varies, and their bounds.
 
     Parameters
     ----------
     law
-        The hyperelastic law.
+        Hyperelastic law.
     names
-        Names of the m physical coordinates, the quantities that the search varies. The first is the initial shear
-        modulus (Pa). If the last is the bulk modulus, the first is a quarter of E / (1 - nu^2) (Pa), with Young's
-        modulus E and Poisson's ratio nu.
+        Names of the m coordinates.
     lower, upper
-        Bounds of the physical coordinates.
+        Bounds of the coordinates.
     """
 
     law: Law
@@ -53,19 +44,20 @@ class SearchSpace:
 
     @property
     def has_bulk(self) -> bool:
-        """Whether the bulk modulus is one of the coordinates, the quantities that the search varies."""
+        """Whether the search varies the bulk modulus."""
         return self.names[-1] == BULK_NAME
 
     def with_bulk(self) -> SearchSpace:
         """Return the same search space with the bulk modulus as an additional last coordinate."""
+        # A bending test in plane strain determines E / (1 - nu^2), and not the shear modulus.
         low, high = BULK_DECADES
         names = (STIFFNESS_NAME, *self.names[1:], BULK_NAME)
         return replace(self, names=names, lower=(*self.lower, low), upper=(*self.upper, high))
 
     def bulk_modulus_Pa(self, unit: Array) -> Array | None:
-        """Return the bulk modulus in Pa at each of P points of the unit cube, (P,); None if it is not a coordinate.
+        """Return the bulk modulus (Pa) at P points of the unit cube, (P,); None if the search does not vary it.
 
-        ``unit`` has the m coordinates of each point, from 0 to 1, (P, m).
+        ``unit`` has the m coordinates of the points, from 0 to 1, (P, m).
         """
         if not self.has_bulk:
             return None
@@ -73,21 +65,14 @@ class SearchSpace:
         return np.asarray(self._shear_modulus(x) * 10.0 ** x[:, -1])
 
     def _shear_modulus(self, x: Array) -> Array:
-        """Return the initial shear modulus mu in Pa of each of P candidate laws, (P,).
-
-        ``x`` has the m physical coordinates of each candidate, (P, m): mu first or, if the bulk modulus K is a
-        coordinate, a quarter of E / (1 - nu^2) first and log10(K/mu) last. E is Young's modulus and nu Poisson's ratio.
-        """
+        """Return the initial shear modulus (Pa), (P,), from m physical coordinates ``x``, (P, m)."""
         if not self.has_bulk:
             return x[:, 0]
         three = 3 * 10.0 ** x[:, -1]  # 3 K / mu
         return np.asarray(x[:, 0] * (three + 4) / (three + 1))
 
     def physical(self, unit: Array) -> Array:
-        """Convert the unit coordinates of P points, (P, m) from 0 to 1, to physical coordinates, (P, m).
-
-        The m physical coordinates are the quantities in ``names``: a modulus in Pa, then dimensionless numbers.
-        """
+        """Convert coordinates from 0 to 1 into the physical quantities ``names``, both (P, m) for P points."""
         unit = np.atleast_2d(unit)
         lower, upper = np.array(self.lower), np.array(self.upper)
         x = lower + unit * (upper - lower)
@@ -95,9 +80,9 @@ class SearchSpace:
         return x
 
     def parameters(self, unit: Array) -> Array:
-        """Return the parameters of the law at P points of the unit cube, (P, n).
+        """Return the n parameters of the law at P points of the unit cube, (P, n).
 
-        ``unit`` has the m coordinates of each point, from 0 to 1, (P, m). The law has n parameters.
+        ``unit`` has the m coordinates of the points, from 0 to 1, (P, m).
         """
         x = self.physical(unit)
         coordinates_of_law = len(self.law.coordinates)
@@ -115,7 +100,7 @@ def search_space(law: Law) -> SearchSpace:
     Returns
     -------
     SearchSpace
-        The coordinates of the law with their bounds. `SearchSpace.with_bulk` adds the bulk modulus.
+        Coordinates of the law with their bounds.
 
     Examples
     --------

@@ -1,17 +1,8 @@
-"""Drucker's stability criterion for hyperelastic laws: whether a larger strain always needs a larger stress.
+"""Drucker's stability criterion for hyperelastic laws, and the largest stretch up to which a law fulfils it.
 
 A law is stable at a deformation if the increments of Kirchhoff stress tau and logarithmic strain eps do positive work,
-d tau : d eps > 0, for every isochoric increment (Drucker 1959, J. Appl. Mech. 26:101). This condition holds if and only
-if the restricted Hessian is positive definite. The restricted Hessian is the Hessian of the strain energy by the
-logarithmic principal stretches, restricted to increments whose sum is zero.
-
-A law is stable up to the stretch L if it is stable at every isochoric deformation in which no principal stretch exceeds
-L. In the space of logarithmic stretches these deformations form a triangle. The corners of the triangle are equibiaxial
-tension, and the middles of its sides are uniaxial tension, both with the largest stretch L.
-
-`Law.drucker_limit` returns the largest such L. For Neo-Hookean, Mooney-Rivlin and Yeoh laws it is computed in closed
-form. For Ogden's law the triangle is divided into cells, and each cell is proved to contain stable deformations only
-(`laws.stable_cells`). For other laws, deformations in the triangle are sampled.
+d tau : d eps > 0, for every isochoric increment (Drucker 1959, J. Appl. Mech. 26:101). It is stable up to the stretch L
+if it is stable at every isochoric deformation whose principal stretches do not exceed L.
 """
 
 from __future__ import annotations
@@ -30,21 +21,21 @@ _HALVINGS = 30
 
 
 def stable_stretch(law: Law, parameters: Array, reached: Array) -> Array:
-    """Return the stretch up to which each candidate law fulfils Drucker's criterion, at most the stretch ``reached``.
+    """Return the stretch up to which a law fulfils Drucker's criterion, at most the stretch ``reached``.
 
     Parameters
     ----------
     law
         One of `LAWS`, or any other law.
     parameters
-        (P, n) parameters of P candidates, or (n,) of one candidate; moduli in any unit.
+        (P, n) or (n,) parameters; moduli in any unit.
     reached
-        (P,) largest principal stretch in the specimen for each candidate.
+        (P,) largest principal stretch in the specimen.
 
     Returns
     -------
     Array
-        (P,) stretches: ``reached`` if the candidate is stable up to this stretch, 0 if it is unstable even at rest.
+        (P,) stretches; 0 if the law is unstable at rest.
 
     Examples
     --------
@@ -58,7 +49,7 @@ def stable_stretch(law: Law, parameters: Array, reached: Array) -> Array:
 
 
 def stable_up_to(law: Law, parameters: Array) -> float | None:
-    """Return the largest stretch up to which one candidate law fulfils Drucker's criterion.
+    """Return the largest stretch up to which a law fulfils Drucker's criterion.
 
     Parameters
     ----------
@@ -70,7 +61,7 @@ def stable_up_to(law: Law, parameters: Array) -> float | None:
     Returns
     -------
     float or None
-        The stretch; 1 if the law is unstable even at rest; None if the law is stable up to a stretch of 6.
+        Stretch; 1 if the law is unstable at rest; None if the law is stable up to a stretch of 6.
 
     Examples
     --------
@@ -85,27 +76,21 @@ def stable_up_to(law: Law, parameters: Array) -> float | None:
 
 
 def scanned_limit(law: Law, parameters: Array, largest_stretch: Array) -> Array:
-    """Return the stretch up to which each candidate law is stable, by a scan of sampled deformations.
-
-    A law can use this function as its method `Law.drucker_limit`. The scan increases the stretch in 48 equal steps of
-    its logarithm, up to `largest_stretch`. At each stretch it examines 61 deformations, from uniaxial through planar to
-    equibiaxial tension, for which this stretch is the largest principal stretch. It stops at the first stretch with an
-    unstable deformation. Bisection then finds the limit between this stretch and the one before it. Deformations
-    between the sampled deformations are not examined.
+    """Return the smallest stretch at which a sampled deformation is unstable (Drucker).
 
     Parameters
     ----------
     law
-        The hyperelastic law.
+        Hyperelastic law.
     parameters
-        (P, n) parameters of P candidates.
+        (P, n) P sets of parameters.
     largest_stretch
-        (P,) stretches up to which to scan.
+        (P,) stretches up to which deformations are sampled.
 
     Returns
     -------
     Array
-        (P,) limits: infinity if no unstable deformation was found, 0 if the candidate is unstable at rest.
+        (P,) stretches: infinity if all sampled deformations are stable, 0 if the law is unstable at rest.
     """
     levels = np.log(largest_stretch)[:, None] * np.arange(1, _LEVELS + 1) / _LEVELS
     stable = np.stack([_is_stable_at(law, parameters, levels[:, i]) for i in range(_LEVELS)], axis=1)
@@ -123,9 +108,9 @@ def scanned_limit(law: Law, parameters: Array, largest_stretch: Array) -> Array:
 
 
 def _is_stable_at(law: Law, parameters: Array, largest: Array) -> NDArray[np.bool_]:
-    """Return whether each of P candidate laws is stable in 61 sampled deformations with a given largest stretch, (P,).
+    """Return whether a law is stable in sampled deformations, for P sets of parameters, (P,).
 
-    largest: the logarithm of this stretch for each candidate law, (P,).
+    largest: logarithm of the largest stretch of these deformations, (P,).
     """
     share = np.linspace(-0.5, 1.0, _SHARES)
     level = np.broadcast_to(largest[:, None], (len(largest), _SHARES))
@@ -143,9 +128,6 @@ def _is_stable_at(law: Law, parameters: Array, largest: Array) -> NDArray[np.boo
 def smallest_positive_root(coefficients: Array) -> Array:
     """Return the smallest positive root of each of P polynomials of degree m.
 
-    A polynomial here measures the stability of a law: it is positive where the law is stable. The root is the limit of
-    stability.
-
     Parameters
     ----------
     coefficients
@@ -154,8 +136,7 @@ def smallest_positive_root(coefficients: Array) -> Array:
     Returns
     -------
     Array
-        (P,) roots: infinity if the polynomial has no positive root, and 0 if its constant term is not positive, because
-        the law is then unstable at rest.
+        (P,) roots: infinity without a positive root, 0 if the constant term is not positive.
     """
     p, m = len(coefficients), coefficients.shape[1] - 1
     size = np.abs(coefficients).max(axis=1, initial=0.0)

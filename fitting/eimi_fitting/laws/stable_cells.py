@@ -1,9 +1,8 @@
-"""Prove that a law is stable (Drucker) in whole ranges of deformations, if its Hessian is diagonal.
+"""Prove that a law such as Ogden's is stable (Drucker) in whole ranges of deformations, called cells.
 
-The Hessian is that of the strain energy by the three logarithmic principal stretches e_i. For a law such as Ogden's it
-is diagonal with the entries f(e_i), where f(e) is the sum of terms weight exp(alpha e). The triangle of deformations
-that is examined (`laws.stability`) is divided into cells. In a cell, each e_i lies in an interval. If Drucker's
-criterion is fulfilled even with the lower bounds of f on the three intervals, all deformations of the cell are stable.
+The Hessian of the strain energy by the logarithmic principal stretches e_i is diagonal with the entries f(e_i). In a
+cell, each e_i lies in an interval. All deformations of the cell are stable if Drucker's criterion is fulfilled with the
+lower bounds of f on the three intervals.
 """
 
 from __future__ import annotations
@@ -19,23 +18,13 @@ _MOST_CELLS = 100_000
 
 
 def proved_stable(weight: Array, alpha: Array, log_stretch: Array) -> Array:
-    """Return the logarithm of the largest stretch up to which each of P candidate laws is proved stable (Drucker).
-
-    The three principal stretches of an isochoric deformation have the logarithms l, l s and -l (1 + s). Here l belongs
-    to the largest stretch, and s gives the kind of deformation: -1/2 in uniaxial tension, 0 in planar tension, 1 in
-    equibiaxial tension. All deformations together form a rectangle of the plane (l, s), which is divided into smaller
-    rectangles, the cells.
-
-    A sufficient criterion can show that the law is stable in a whole cell. If it does not show this, the cell is
-    divided into four smaller cells, at most 16 times. A cell is not examined if the law is known to be unstable at a
-    smaller l. The result is the smallest l in the cells that the criterion does not show to be stable.
+    """Return the logarithm of the largest stretch up to which a law is proved stable (Drucker).
 
     Parameters
     ----------
     weight, alpha
-        (P, 3) weights and exponents of the three terms of P candidate laws. The Hessian of the strain energy by the
-        logarithms e_1, e_2, e_3 of the principal stretches is diagonal with the entries f(e_1), f(e_2), f(e_3), where
-        f(e) is the sum of weight exp(alpha e) over the three terms.
+        (P, 3) constants of f(e), the sum of weight exp(alpha e) over three terms. The Hessian of the strain energy by
+        the logarithmic principal stretches e_i is diagonal with the entries f(e_i).
     log_stretch
         (P,) logarithm of the largest stretch to examine.
 
@@ -44,6 +33,8 @@ def proved_stable(weight: Array, alpha: Array, log_stretch: Array) -> Array:
     Array
         (P,) logarithms of the stretches, at most ``log_stretch``.
     """
+    # The logarithmic stretches are l, l s and -l (1 + s), with s = -1/2 in uniaxial, 0 in planar and 1 in equibiaxial
+    # tension. A cell is a rectangle of the plane (l, s). A cell without a proof is divided into four.
     p = len(log_stretch)
     owner = np.repeat(np.arange(p), _ROWS * _COLUMNS)
     row = np.tile(np.repeat(np.arange(_ROWS), _COLUMNS), p) / _ROWS * log_stretch[owner]
@@ -76,10 +67,7 @@ def proved_stable(weight: Array, alpha: Array, log_stretch: Array) -> Array:
 
 
 def _lower_bound(weight: Array, alpha: Array, start: Array, end: Array) -> Array:
-    """Return a lower bound of f(e), the sum of weight exp(alpha e) over the terms, on each of n intervals, (n,).
-
-    The intervals extend from ``start`` to ``end``, (n,).
-    """
+    """Return a lower bound of the sum of weight exp(alpha e) for e in n intervals from ``start`` to ``end``, (n,)."""
     # A term with a positive weight is convex and lies above its tangent. A term with a negative weight is concave and
     # lies above its chord. f therefore lies above the sum of these straight lines, which is smallest at one end of the
     # interval. A second bound is the sum of the smallest values of the terms.

@@ -1,18 +1,14 @@
-"""A hyperelastic law whose strain energy is a sum of selectable terms, each with one coefficient.
+"""A hyperelastic law whose strain energy is a sum of chosen terms, each with one coefficient mu or C.
 
-`eimi_fitting.discovery` selects the terms. Let x = I1 - 3 and y = I2 - 3, with the isochoric invariants I1 and I2, and
-let l1, l2, l3 be the principal stretches. The terms are:
+Let x = I1 - 3 and y = I2 - 3, with the isochoric invariants I1 and I2, and let l1, l2, l3 be the principal stretches.
 
     i1, i2           mu/2 x and mu/2 y (Mooney 1940, J. Appl. Phys. 11:582)
-    i1^2, i1^3       C x^2 and C x^3 of the generalised Mooney-Rivlin series (Rivlin and Saunders 1951, Phil. Trans. A
-                     243:251); they have no stiffness at rest
+    i1^2, i1^3       C x^2 and C x^3 (Rivlin and Saunders 1951, Phil. Trans. A 243:251)
     gent=Jm          -mu Jm/2 ln(1 - x/Jm) (Gent 1996, Rubber Chem. Technol. 69:59)
     fung=b           mu/(2b) (exp(b x) - 1) (after Fung 1967, Am. J. Physiol. 213:1532)
     ogden=alpha      2 mu/alpha^2 (l1^alpha + l2^alpha + l3^alpha - 3) (Ogden 1972, Proc. R. Soc. A 326:565)
 
-The coefficient mu is the contribution of the term to the initial shear modulus. Jm, b and alpha are fixed numbers, and
-the law is therefore linear in all its parameters, the coefficients mu and C. If no coefficient is negative, every term
-is stable. The sum is then stable too.
+Jm, b and alpha are fixed numbers.
 """
 
 from __future__ import annotations
@@ -50,7 +46,7 @@ _UNUSED_EXPONENT = 2.0  # exponent of an Ogden term with zero modulus; any non-z
 
 @dataclass(frozen=True)
 class Term:
-    """One term of the strain energy of a `SumOfTerms`; the module `laws.sum_of_terms` lists the terms.
+    """One term of the strain energy of a `SumOfTerms`.
 
     Parameters
     ----------
@@ -82,7 +78,7 @@ class Term:
         Raises
         ------
         ValueError
-            If there is no such term. The message lists the possible names.
+            If there is no such term.
         """
         kind, _, number = name.strip().lower().partition("=")
         if kind in _TERMS_WITHOUT_NUMBER and not number:
@@ -118,27 +114,24 @@ class Term:
 
     @property
     def has_modulus(self) -> bool:
-        """Whether the coefficient of the term is a contribution to the initial shear modulus."""
+        """Whether the term contributes to the initial shear modulus."""
         return self.kind not in _WITHOUT_MODULUS
 
     @property
     def largest_x(self) -> float:
-        """The value of I1 - 3 at which the stress of the term becomes infinite; infinity if there is no such value."""
+        """The value of I1 - 3 at which the stress becomes infinite; infinity without such a value."""
         return float(self.number) if self.kind == "gent" and self.number else np.inf
 
 
 @dataclass(frozen=True)
 class _Invariants(InvariantEnergy):
-    """The part of the strain energy that depends on I1 and I2: the sum of all terms except the Ogden terms."""
+    """The part of the strain energy that depends on the invariants I1 and I2."""
 
     terms: tuple[Term, ...]
     needs_second = True
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Return the strain energy W(x, y) and its derivatives dW/dx, dW/dy and d²W/dx².
-
-        x = I1 - 3 and y = I2 - 3, with the isochoric invariants I1 and I2.
-        """
+        """Return the strain energy W(x, y) and its derivatives dW/dx, dW/dy and d²W/dx²; x = I1 - 3 and y = I2 - 3."""
         energy, w1, w2, w11 = (np.zeros(np.broadcast_shapes(np.shape(x), parameters.shape[:-1])) for _ in range(4))
         for i, term in enumerate(self.terms):
             c, number = parameters[..., i], term.number or 1.0
@@ -164,12 +157,12 @@ class _Invariants(InvariantEnergy):
 
 @dataclass(frozen=True)
 class SumOfTerms:
-    """A hyperelastic law whose strain energy is a sum of terms, see the module `laws.sum_of_terms`.
+    """A hyperelastic law whose strain energy is a sum of terms.
 
     Parameters
     ----------
     terms
-        The terms. The parameters of the law are the coefficients of the terms (Pa), in the same order.
+        Terms; their coefficients (Pa) are the parameters of the law.
 
     Examples
     --------
@@ -209,11 +202,7 @@ class SumOfTerms:
 
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:
-        """The coordinates of the search: the initial shear modulus mu0 in Pa, then quotients coefficient / mu0.
-
-        mu0 is the sum of the coefficients of all terms that contribute to it. The first of these terms has no quotient,
-        because its coefficient follows from mu0 and the other coefficients. Every other term has a quotient.
-        """
+        """The coordinates of the search: the initial shear modulus (Pa), then coefficients divided by this modulus."""
         further = tuple(Coordinate(f"{term.name} over the modulus", 0.0, 1.0) for term in self._others)
         return (Coordinate("initial shear modulus", *SHEAR_MODULUS_PA), *further)
 
@@ -226,12 +215,7 @@ class SumOfTerms:
         return [term for i, term in enumerate(self.terms) if i != self._first]
 
     def from_coordinates(self, x: Array) -> Array:
-        """Return the coefficients of the m terms for P candidate laws, (P, m), from coordinates of the search, (P, m).
-
-        The first coordinate is the initial shear modulus mu0. The others are the quotients coefficient / mu0 of all
-        terms except one: the first term that contributes to mu0. The coefficient of this term is chosen so that the
-        initial shear modulus is mu0.
-        """
+        """Return the coefficients of m terms, (P, m), from coordinates of the search, (P, m)."""
         shares = np.insert(x[:, 1:], self._first, 0.0, axis=1)
         shares[:, self._first] = 1 - shares @ self._has_modulus
         return np.asarray(x[:, :1] * shares)
@@ -241,10 +225,7 @@ class SumOfTerms:
         return np.array([float(term.has_modulus) for term in self.terms])
 
     def initial_shear_modulus(self, parameters: Array) -> Array:
-        """Return the initial shear modulus of the law: the sum of the coefficients mu of its terms.
-
-        The coefficients C of the terms i1^2 and i1^3 do not contribute.
-        """
+        """Return the initial shear modulus of the law: the sum of the coefficients mu of its terms."""
         return np.asarray(parameters @ self._has_modulus)
 
     @cached_property
@@ -256,13 +237,7 @@ class SumOfTerms:
         return [i for i, term in enumerate(self.terms) if term.kind == "ogden"]
 
     def _ogden_parameters(self, parameters: Array) -> list[Array]:
-        """Return the Ogden terms of this law as parameters of laws of the class `Ogden`, (..., 6) for each law.
-
-        The sum of the energies of these laws is the energy of the Ogden terms. A law of the class `Ogden` has three
-        terms. If the number of Ogden terms of this law is not a multiple of three, the last law also has terms with the
-        modulus zero. A term of this law with the coefficient mu and the exponent alpha has the modulus mu_p = 2
-        mu/alpha in `Ogden`.
-        """
+        """Return the Ogden terms in groups of three, each group as the parameters of an `Ogden` law, (..., 6)."""
         laws = []
         for first in range(0, len(self._ogden), 3):
             three_terms = np.zeros((*parameters.shape[:-1], 6))
@@ -274,30 +249,25 @@ class SumOfTerms:
         return laws
 
     def planar(self, parameters: Array, a: Array, J: Array, section: Section) -> PlanarEnergy:
-        """Return the strain energy density of planar deformations and its derivatives by a and J.
+        """Return the strain energy density and its derivatives by a = F : F and J = det F.
 
-        a = F : F and J = det F with the deformation gradient F in the plane.
+        F is the deformation gradient in the plane.
         """
         parts = [self._invariants.planar(parameters, a, J, section)]
         parts += [Ogden().planar(three_terms, a, J, section) for three_terms in self._ogden_parameters(parameters)]
         return PlanarEnergy(*(np.asarray(sum(of)) for of in zip(*parts, strict=True)))
 
     def principal(self, parameters: Array, stretches: Array) -> tuple[Array, Array, Array]:
-        """Return the strain energy, and its gradient and Hessian by the logarithmic principal stretches.
-
-        See `Law.principal`.
-        """
+        """Return the strain energy, and its gradient and Hessian by the logarithmic principal stretches."""
         parts = [self._invariants.principal(parameters, stretches)]
         parts += [Ogden().principal(three_terms, stretches) for three_terms in self._ogden_parameters(parameters)]
         energy, gradient, hessian = (np.asarray(sum(of)) for of in zip(*parts, strict=True))
         return energy, gradient, hessian
 
     def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
-        """Return the largest stable stretch of each of P candidate laws, (P,).
+        """Return the smallest stretch at which a sampled deformation is unstable, for P sets of parameters, (P,).
 
-        The result is infinity if no coefficient is negative and the initial shear modulus is positive. Otherwise
-        deformations up to ``largest_stretch`` are sampled (`laws.stability`). The result is then the smallest stretch
-        at which a sampled deformation is unstable; it is infinity if there is no such deformation.
+        The result is infinity if no coefficient is negative, or if all sampled deformations are stable.
         """
         stable = (parameters >= 0).all(axis=1) & (self.initial_shear_modulus(parameters) > 0)
         limit = np.full(len(parameters), np.inf)
@@ -306,9 +276,9 @@ class SumOfTerms:
         return limit
 
     def fit_stress(self, strain: Array, stress: Array, weight: Array) -> StressFit:
-        """Fit the law to a tensile curve by linear least squares, because the stress is linear in all coefficients."""
+        """Fit the law to a tensile curve by linear least squares."""
         return linear_least_squares(self, strain, stress, weight)
 
     def card(self, solver: str, p: Mapping[str, float], bulk: float) -> CardConstants:
-        """Raise NotInSolver, because no finite-element program has a law with a sum of such terms."""
+        """Raise NotInSolver: no finite-element program has a law with a sum of such terms."""
         raise NotInSolver(f"the {self.name} law cannot be exported to {solver}; choose another program")

@@ -1,17 +1,9 @@
-"""Least-squares fit of a hyperelastic law to a uniaxial tensile test, the conventional identification.
+"""Least-squares fit of a hyperelastic law to a uniaxial tensile test.
 
-Stress. In incompressible uniaxial tension with the stretch lambda, the logarithmic strains are (h, -h/2, -h/2) with
-h = ln(lambda). Let g be the gradient of the strain energy W by the logarithmic stretches. The engineering stress is
+With the stretch lambda and the gradient g of the strain energy W by the logarithmic stretches, the engineering stress
+of an incompressible law is
 
     s = dW/dlambda = (g1 - (g2 + g3)/2) / lambda.
-
-Fit. The stress of every law is linear in the moduli. If the stress is linear in every parameter, the fit is a linear
-least-squares problem without constraints. For any other law, the dimensionless coordinates (`Law.coordinates`) are
-searched within their bounds from several starts, and the modulus is computed by least squares at each step.
-
-Intervals. They are computed from the linearised covariance. The residuals of a tensile curve are mostly the misfit of
-the law, and they are correlated along the curve. With a correlation length of tau rows (`eimi_fitting.correlation`), m
-rows carry the information of m/tau independent rows.
 """
 
 from __future__ import annotations
@@ -41,30 +33,27 @@ class TensileFit:
     Parameters
     ----------
     law
-        The hyperelastic law.
+        Hyperelastic law.
     parameters
         (n,) fitted parameters in the order of the law; moduli in Pa.
     intervals
-        (n, 2) lower end (column 0) and upper end (column 1) of the 95 % interval of each parameter.
+        (n, 2) lower and upper end of the 95 % interval of each parameter.
     initial_shear_modulus_Pa, initial_shear_modulus_interval_Pa
-        Initial shear modulus in Pa, and lower and upper end of its 95 % interval in Pa.
+        Initial shear modulus, and its 95 % interval.
     rmse_Pa
-        Root mean square error of the engineering stress over the rows that were used.
+        Root mean square error of the engineering stress.
     rows, rows_left_out
-        Number of rows of the curve that were used, and number of rows that were left out although their strain is small
-        enough. Only a fit of relative residuals leaves out rows: those whose stress is not positive.
+        Number of used rows, and of rows left out because their stress is not positive.
     max_strain
-        Largest engineering strain among the rows that were used.
+        Largest engineering strain of the used rows.
     correlation_rows
-        Number of correlated rows that carry as much information as one independent row.
+        Correlation length of the residuals in rows.
     correlation
-        (n, n) correlation matrix of the errors of the parameters.
+        (n, n) correlation matrix of the parameters.
     not_fixed
-        Names of the parameters that the data do not determine. The interval of such a parameter contains zero, or is
-        limited by the bounds of the search.
+        Names of the parameters that the data do not determine.
     stable_to
-        Largest stretch up to which the fitted law is stable; None if it is stable up to a stretch of 6 (see
-        `laws.stability.stable_up_to`).
+        Largest stretch up to which the law is stable; None if it is stable up to a stretch of 6.
     """
 
     law: Law
@@ -90,7 +79,7 @@ def engineering_stress(law: Law, parameters: Array, strain: Array) -> Array:
     law
         One of `LAWS`, or any other law.
     parameters
-        (..., n) parameters of one candidate law or of many candidate laws.
+        (..., n) parameters.
     strain
         (m,) engineering strains above -1.
 
@@ -130,18 +119,17 @@ def fit_tensile(
     largest_strain
         Rows with a larger strain are ignored.
     relative
-        Divide each residual by the measured stress, and leave out rows whose stress is not positive.
+        Divide each residual by the measured stress, and leave out rows without a positive stress.
 
     Returns
     -------
     TensileFit
-        The parameters (moduli in Pa) with their 95 % intervals, the misfit and the stability limit.
+        Parameters with 95 % intervals, error and stability limit.
 
     Raises
     ------
     CannotFit
-        If the number of usable rows does not exceed the number of parameters, or if the law cannot produce the measured
-        stresses.
+        If there are too few rows, or if the law cannot produce the measured stresses.
 
     Examples
     --------
@@ -185,7 +173,7 @@ def fit_tensile(
 
 
 def linear_least_squares(law: Law, strain: Array, stress: Array, weight: Array) -> StressFit:
-    """Fit a law whose stress is linear in all parameters to a tensile curve, without bounds; see `Law.fit_stress`."""
+    """Fit a law to a tensile curve if the stress is linear in all parameters."""
     columns = _columns(law, strain, weight)
     size = np.linalg.norm(columns, axis=0)
     parameters = np.linalg.lstsq(columns / size, weight * stress, rcond=None)[0] / size
@@ -204,16 +192,7 @@ def linear_least_squares(law: Law, strain: Array, stress: Array, weight: Array) 
 
 
 def bounded_least_squares(law: Law, strain: Array, stress: Array, weight: Array) -> StressFit:
-    """Fit any law to a tensile curve: a search varies dimensionless ratios, and least squares gives the modulus.
-
-    See `Law.fit_stress`. The ratios are the dimensionless coordinates of the law, which have bounds. The stress is
-    proportional to the modulus, so that linear least squares gives the modulus for each choice of the ratios.
-
-    The 95 % intervals take the bounds into account. The bounds of a ratio act as a normal prior with the variance of a
-    uniform distribution between them, and the interval of the ratio does not extend beyond them. A dimensionless
-    parameter of the law is a function of the ratios. Its interval contains the values for all combinations of the ends
-    of these intervals.
-    """
+    """Fit any law to a tensile curve: a search varies dimensionless ratios, and least squares gives the modulus."""
     bounded = law.coordinates[1:]
     lower, upper = np.array([c.lower for c in bounded]), np.array([c.upper for c in bounded])
     target = weight * stress
@@ -252,18 +231,10 @@ def bounded_least_squares(law: Law, strain: Array, stress: Array, weight: Array)
 def _with_intervals(
     law: Law, x: Array, curve: Callable[[Array], Array], residual: Array, lower: Array, upper: Array
 ) -> StressFit:
-    """Return the result of a tensile fit with 95 % intervals, which follow from the covariance of the m coordinates.
+    """Return a tensile fit with 95 % intervals.
 
-    Parameters
-    ----------
-    x : ndarray, shape (m,)
-        The fitted coordinates: the initial shear modulus, then the dimensionless ratios (`Law.coordinates`).
-    curve : callable
-        Function that returns the weighted stress at given coordinates.
-    residual : ndarray
-        The weighted residuals of the stress at x.
-    lower, upper : ndarray, shape (m - 1,)
-        Bounds of the ratios.
+    `x` holds the initial shear modulus and the ratios, `curve` returns the weighted stress, and `lower` and `upper` are
+    the bounds of the ratios.
     """
 
     def parameters_at(coordinates: Array) -> Array:
@@ -301,11 +272,7 @@ def _with_intervals(
 
 
 def _columns(law: Law, strain: Array, weight: Array) -> Array:
-    """Return the weighted stress that each of the n parameters of a linear law alone causes, (m, n).
-
-    The stress of the law is linear in its parameters. Column j of the result is the engineering stress for parameter j
-    = 1 and all other parameters 0. strain, weight: engineering strains and weights of the m rows of the curve, (m,).
-    """
+    """Return the weighted stress of a linear law if one parameter is 1 and the others are 0, (m, n)."""
     return weight[:, None] * engineering_stress(law, np.eye(len(law.parameter_names)), strain).T
 
 
@@ -318,18 +285,18 @@ def covariance_of(jacobian: Array, residual: Array, information: Array | None = 
     Parameters
     ----------
     jacobian
-        (m, n) derivatives of the weighted residuals by the parameters, J.
+        (m, n) derivatives of the weighted residuals, J.
     residual
-        (m,) weighted residuals at the optimum, r.
+        (m,) weighted residuals, r.
     information
-        (n, n) inverse covariance of prior knowledge of the parameters, P; None without prior knowledge.
+        (n, n) inverse covariance of prior knowledge, P.
 
     Returns
     -------
     covariance
         (n, n) covariance.
     t
-        Student's factor t for a 95 % interval. The number of degrees of freedom is m/tau - n, or 1 if this is less.
+        Student's factor t for a 95 % interval, with m/tau - n (at least 1) degrees of freedom.
     tau
         Correlation length in rows.
     """
@@ -348,10 +315,7 @@ def covariance_of(jacobian: Array, residual: Array, information: Array | None = 
 
 
 def correlation_of(covariance: Array) -> Array:
-    """Return the correlation matrix of a covariance matrix (n, n).
-
-    The correlations of a parameter without variance are zero.
-    """
+    """Return the correlation matrix of a covariance matrix (n, n); zero for a parameter without variance."""
     spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     divisor = np.where(spread > 0, spread, 1.0)
     correlation = covariance / np.outer(divisor, divisor)

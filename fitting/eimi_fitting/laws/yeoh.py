@@ -1,20 +1,6 @@
 """The Yeoh law: a strain energy W that is a cubic polynomial in the first invariant I1.
 
 Source: Holzapfel, Nonlinear Solid Mechanics, 2000, section 6.5.
-
-The stability limit is exact. The law is stable at a deformation if the determinant of the restricted Hessian (defined
-in `laws.stability`) is positive. With the invariants I1 and I2, the determinant is, up to a positive factor,
-
-    D = W' (W' I2 + W'' (I1 I2 - 9)),
-
-where a prime is the derivative by I1. D can become zero only if W'' is negative, because W' is positive at rest and I1
-I2 is at least 9. Where D is zero, dD/dI2 = 9 W' W'' / I2 is negative. D is therefore not positive for any larger I2 at
-the same I1.
-
-Only equibiaxial tension has to be examined. Among all deformations with the same I1, it has the largest I2: if any of
-them is unstable, equibiaxial tension is unstable too. It also has the smallest value of the largest principal stretch,
-in which the limit is expressed. The limit is the first zero of D in equibiaxial tension: the smallest positive root of
-a polynomial in the square of the stretch.
 """
 
 from __future__ import annotations
@@ -38,11 +24,11 @@ Array = NDArray[np.float64]
 def _stability_polynomial() -> Array:
     """Return the coefficients of the polynomial whose smallest positive root gives the stability limit, (10, 3).
 
-    The polynomial is q^5 (W' I2 + W'' (I1 I2 - 9)) in equibiaxial tension. q is the square of the two equal stretches,
-    and W' and W'' are the first two derivatives of the strain energy W by the invariant I1. The polynomial has the
-    variable q - 1 and is linear in the parameters of the law. Row k of the result contains the coefficients of (q -
-    1)^k, and the three columns are the factors of C10, C20 and C30.
+    Row k belongs to (q - 1)^k, with the square q of the equal stretches. The columns belong to C10, C20 and C30.
     """
+    # The law is stable where D = W' (W' I2 + W'' (I1 I2 - 9)) > 0, the determinant of the restricted Hessian up to a
+    # positive factor; a prime is d/dI1. Equibiaxial tension loses stability first: of all deformations with the same I1
+    # it has the largest I2, and D decreases with I2 where D = 0. The polynomial is q^5 (W' I2 + W'' (I1 I2 - 9)).
     # With X = x(q) below: I1 - 3 = X/q^2, I2 = (q^3 + 2)/q and I1 I2 - 9 = 2 (q^3 - 1)^2/q^3.
     q = Polynomial([1.0, 1.0])
     x = 2 * q**3 - 3 * q**2 + 1
@@ -73,10 +59,7 @@ class Yeoh(InvariantLaw):
     )
 
     def from_coordinates(self, x: Array) -> Array:
-        """Return the parameters C10, C20 and C30 of P candidate laws, (P, 3), from coordinates of the search, (P, 3).
-
-        The coordinates are 2 C10, C20/C10 and C30/C10.
-        """
+        """Return C10, C20 and C30, (P, 3), from the coordinates of the search 2 C10, C20/C10 and C30/C10, (P, 3)."""
         return 0.5 * x[:, :1] * np.column_stack([np.ones(len(x)), x[:, 1], x[:, 2]])
 
     def initial_shear_modulus(self, parameters: Array) -> Array:
@@ -84,9 +67,9 @@ class Yeoh(InvariantLaw):
         return 2 * parameters[..., 0]
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Return the strain energy W = C10 x + C20 x^2 + C30 x^3 and its derivatives dW/dx, dW/dy and d²W/dx².
+        """Return W = C10 x + C20 x^2 + C30 x^3, with x = I1 - 3, and its derivatives dW/dx, dW/dy and d²W/dx².
 
-        x = I1 - 3 and y = I2 - 3, with the isochoric invariants I1 and I2. The law does not depend on y.
+        y = I2 - 3 has no influence.
         """
         c10, c20, c30 = parameters[..., 0], parameters[..., 1], parameters[..., 2]
         return (
@@ -97,11 +80,9 @@ class Yeoh(InvariantLaw):
         )
 
     def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
-        """Return the stretch in equibiaxial tension up to which each of P candidate laws is stable, (P,).
+        """Return the stretch in equibiaxial tension up to which the law is stable, for P sets of parameters, (P,).
 
-        The result is infinity if the candidate is stable everywhere, and 0 if C10 is not positive. The module
-        `laws.yeoh` describes the criterion. ``largest_stretch`` is not used, because the limit is computed in closed
-        form.
+        The result is infinity if the law is always stable, and 0 if the law is unstable at rest.
         """
         limit = np.full(len(parameters), np.inf)
         doubtful = (parameters[:, 1:] < 0).any(axis=1)
@@ -109,14 +90,11 @@ class Yeoh(InvariantLaw):
         return np.where(parameters[:, 0] > 0, limit, 0.0)
 
     def fit_stress(self, strain: Array, stress: Array, weight: Array) -> StressFit:
-        """Fit the Yeoh law to a tensile curve by linear least squares, see `Law.fit_stress`."""
+        """Fit the Yeoh law to a tensile curve by linear least squares."""
         return linear_least_squares(self, strain, stress, weight)
 
     def card(self, solver: str, p: Mapping[str, float], bulk: float) -> CardConstants:
-        """Return the constants of the Yeoh law for any program of `laws.cards.SOLVERS` except SOFA.
-
-        SOFA does not have the law.
-        """
+        """Return the constants of the Yeoh law for a finite-element program."""
         c10, c20, c30 = p["C10"], p["C20"], p["C30"]
         match solver:
             case "abaqus" | "calculix":
