@@ -64,7 +64,7 @@ def check_sensor_driver(name: str, driver: object) -> None:
 
 
 def check_supply(name: str, driver: object, supply: PowerSupply) -> None:
-    """Close an open supply and raise UnusableDriver if the supply lacks a member of `PowerSupply`.
+    """Raise UnusableDriver if an open supply lacks a member of `PowerSupply`; the supply is then closed.
 
     `name` and `driver` describe the driver in the message.
     """
@@ -72,7 +72,7 @@ def check_supply(name: str, driver: object, supply: PowerSupply) -> None:
 
 
 def check_camera(name: str, driver: object, camera: Camera) -> None:
-    """Close an open camera and raise UnusableDriver if the camera lacks a member of `Camera`.
+    """Raise UnusableDriver if an open camera lacks a member of `Camera`; the camera is then closed.
 
     `name` and `driver` describe the driver in the message.
     """
@@ -80,7 +80,7 @@ def check_camera(name: str, driver: object, camera: Camera) -> None:
 
 
 def check_sensor(name: str, driver: object, sensor: Sensor) -> None:
-    """Close an open sensor and raise UnusableDriver if the sensor lacks a member of `Sensor`.
+    """Raise UnusableDriver if an open sensor lacks a member of `Sensor`; the sensor is then closed.
 
     `name` and `driver` describe the driver in the message.
     """

@@ -41,7 +41,7 @@ class SetPointNotTaken(InstrumentError):
 
 
 class ProtectionTripped(InstrumentError):
-    """Report that the output is off without a command: a protection tripped, or a person switched the output off."""
+    """Report that a protection has tripped, or that a person has switched the output off."""
 
 
 class SwitchOffFailed(InstrumentError):
@@ -148,7 +148,7 @@ class Off:
     limit_A : float
         Largest current with which the supply counts as off, A.
     found_off : bool
-        True if the connection was lost, and the output was already off when the driver had reopened it.
+        True if the connection was lost, and the output was already off when the driver had reopened the connection.
     """
 
     current_A: float
@@ -259,7 +259,8 @@ class SupplyDriver(Protocol):
     Optional members:
 
     connect(address) -> Transport
-        Opens the connection to the supply. The driver is then called with this connection; if absent, with the address.
+        Opens the connection to the supply, with which the driver is then called. If `connect` is absent, the driver is
+        called with the address.
     bipolar: bool
         True if negative currents can be set; False if absent.
     without_contact: str
@@ -377,7 +378,8 @@ class SensorDriver(Protocol):
     Optional members:
 
     connect(address) -> Transport
-        Opens the connection to the sensor. The driver is then called with this connection; if absent, with the address.
+        Opens the connection to the sensor, with which the driver is then called. If `connect` is absent, the driver is
+        called with the address.
     """
 
     def __call__(self, link: Any, clock: Clock, /) -> Sensor:

@@ -27,7 +27,7 @@ def split_address(address: str) -> tuple[str, int | None]:
 
 
 def pseudo_terminal(address: str) -> str:
-    """Return the path of the pseudo-terminal (of Linux or macOS) in an address; empty if the address contains none."""
+    """Return the path of the pseudo-terminal (a serial port in software) in an address; empty if there is none."""
     match = _PSEUDO_TERMINAL.search(address)
     return match[0] if match else ""
 

@@ -205,7 +205,7 @@ class SupplyBase(Conversation, ABC):
         self._switched_on = on
 
     def check(self) -> None:
-        """Raise an error if the supply reports a fault, or if its output is off without a command.
+        """Raise an error if the supply reports a fault, or if a person has switched its output off.
 
         Raises
         ------
@@ -254,7 +254,7 @@ class SupplyBase(Conversation, ABC):
         return replace(off, found_off=found_off)
 
     def _reopen_and_compare(self) -> bool:
-        """Reopen the connection, and return whether the output is already off; raise an error as `_compare` does."""
+        """Reopen the connection, and return whether the output is already off."""
         try:
             if not self._link.reopen() or self._bound is None:
                 return False
@@ -264,7 +264,7 @@ class SupplyBase(Conversation, ABC):
         return self._compare()
 
     def _compare(self) -> bool:
-        """Return whether the output is already off; raise SwitchOffFailed if another supply answers than before."""
+        """Return whether the output is already off; raise SwitchOffFailed if the supply may be another one."""
         assert self._bound is not None
         try:
             self.identify()

@@ -21,12 +21,12 @@ _Value = TypeVar("_Value")
 
 
 class Interruptions:
-    """A function that can stop a driver between two messages by raising an error, and its last error.
+    """A function that is called between two messages, and the last error that it raised.
 
     Parameters
     ----------
     between_messages : callable
-        Function without arguments that is called between two messages.
+        Function without arguments; it stops the driver by raising an error.
     """
 
     def __init__(self, between_messages: Callable[[], None]) -> None:
@@ -34,7 +34,7 @@ class Interruptions:
         self._last: BaseException | None = None
 
     def __call__(self) -> None:
-        """Call `between_messages`, and store and raise its error."""
+        """Call `between_messages`; store its error, if there is one, and raise it."""
         try:
             self._between_messages()
         except BaseException as error:

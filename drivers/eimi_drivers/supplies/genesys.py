@@ -1,7 +1,7 @@
 """Drive TDK-Lambda Genesys supplies on a serial line.
 
-Before the first use, compare the fault register (`FAULTS`) with the manual of your supply: with other bits the driver
-would not notice a tripped protection.
+Before the first use, compare the fault register (`FAULTS`) with the manual of your supply. If the supply uses other
+bits, the driver does not notice a tripped protection.
 """
 
 from __future__ import annotations

@@ -85,7 +85,7 @@ class KoradSupply(SupplyBase):
         )
 
     def check(self) -> None:
-        """Raise ProtectionTripped if a protection has tripped, or if the output is off without a command."""
+        """Raise ProtectionTripped if a protection has tripped, or if a person has switched the output off."""
         if not self._switched_on:
             return
         status = self._status()

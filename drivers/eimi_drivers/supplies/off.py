@@ -116,7 +116,7 @@ def failed_stages(stages: Sequence[tuple[str, Callable[[], None]]], name: str) -
     Parameters
     ----------
     stages : sequence of (str, callable)
-        Name and function of each stage; after a failed stage, later stages with its name are left out.
+        Name and function of each stage; if a stage fails, later stages with the same name are left out.
     name : str
         Address of the supply, for the message.
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 class Watchdog:
     """The messages for a watchdog, a timer inside the supply that switches the output off if no message arrives.
 
-    In all messages ``{seconds}`` stands for `seconds`.
+    ``{seconds}`` in a message stands for `seconds`.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ class Profile:
     on, off : tuple of str
         Messages that switch the output on and off.
     output : str
-        Query for the output, with the answer 1 or ON, 0 or OFF.
+        Query for the output; the answer is 1 or ON if the output is on, 0 or OFF if it is off.
     output_bit : int
         0, or the bit for channel 1 if the answer to `output` is a hexadecimal status word.
     trip : tuple of str

@@ -84,7 +84,6 @@ class ScpiSupply(SupplyBase):
         return super()._reopen_and_compare()
 
     def _go_remote(self) -> None:
-        """Permit remote control of a supply on a serial line, if its family needs this."""
         if self._is_local:
             self._link.write(self.profile.remote.encode("ascii") + self.ends_with)
             self._is_local = False

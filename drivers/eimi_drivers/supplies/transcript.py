@@ -85,7 +85,9 @@ class ReplayedTransport:
             elif kind in {">", "<", ">!", "<!"}:
                 self._events.append((number, kind, text))
             else:
-                raise ValueError(f"{file}: line {number}: {line!r} is no event; it should be open, >, <, >! or <!")
+                raise ValueError(
+                    f"{file}: line {number}: {line!r} is no event: its second word must be open, >, <, >! or <!"
+                )
         self._next = 0
 
     def _take(self, kind: str, doing: str) -> tuple[int, str] | None:

@@ -58,7 +58,7 @@ class Transport(Protocol):
         timeout_s : float
             Longest wait, s.
         end : bytes
-            Byte that ends a shorter answer; empty if there is none.
+            Byte at which the reading stops; empty if only `size` stops the reading.
 
         Raises
         ------
@@ -213,7 +213,7 @@ class Responder(Protocol):
     """An object that replaces an instrument: it receives messages and returns answers."""
 
     def receive(self, data: bytes) -> bytes:
-        """Receive a message and return the answer, which may be empty. Raises ConnectionError after a cut."""
+        """Return the answer to a message, which may be empty; raise ConnectionError if the connection was cut."""
 
 
 class InProcessTransport:

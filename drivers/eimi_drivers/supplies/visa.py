@@ -49,7 +49,7 @@ def open_visa(address: str, baud_rate: int = 9600, stop_bits: int = 1) -> Transp
 
 
 def load_visa(address: str) -> None:
-    """Load the VISA library that `open_visa` needs for this address. No error is raised."""
+    """Load the VISA library that `open_visa` needs for this address; errors are ignored."""
     if not is_serial_port(address) or visa_library() != "@py":
         with suppress(Exception):  # a VISA library can raise any exception
             import pyvisa
