@@ -1,10 +1,10 @@
-"""Repeat the evaluation of Di Lecce et al. 2022 (Front. Robot. AI 8:790571) on virtual specimens of hidden materials.
+"""Repeat the evaluation of Di Lecce et al. 2022 (Front. Robot. AI 8:790571) on virtual specimens.
 
 hidden_materials   the laws of the simulated specimens; the fits use other laws
 extent             the extent of the evaluation: the full evaluation or a quick part
 stored_parts       store each result, so that an interrupted study can continue
 observed           simulate the edges of the specimens, with the noise of the edge finder
-routes             identify laws by bending of a specimen of type 1 (the first of four shapes) and by tensile tests
+routes             identify laws by bending of one specimen and by tensile tests
 errors_by_route    compute the errors of each law on each specimen
 open_questions     compressibility, magnetic moment, number of states, choice of the optimiser
 optimisers         compare CMA-ES with other optimisers
@@ -13,7 +13,4 @@ paper_tables       the tables, in the form of the paper
 figures            the figures, in the form of the paper
 pages              write all results on one page
 whole_study        compute all parts in order
-
-The fits receive only edges and tensile curves. The hidden materials are used only to simulate these data and to score
-the results.
 """

@@ -1,8 +1,4 @@
-"""Compare four claims of the paper (Di Lecce et al. 2022) with the results of the study.
-
-The claims are taken from the abstract and the results of the paper, and are given in the words of this project. The
-numbers of the paper are not compared, because geometry and materials differ.
-"""
+"""Compare four claims of the paper by Di Lecce et al. 2022 with the results of the study."""
 
 from __future__ import annotations
 
@@ -32,10 +28,7 @@ MEASURE = (
 
 @dataclass(frozen=True)
 class Verdict:
-    """The verdict on one claim of Di Lecce et al. 2022 for one material and section assumption, with the numbers.
-
-    Section assumption: how the cross-section of the beam is modelled, in plane strain or as a solid.
-    """
+    """The verdict on one claim of Di Lecce et al. 2022, for one material and one model of the cross-section."""
 
     claim: str
     material: str
@@ -45,10 +38,7 @@ class Verdict:
 
 
 def verdicts(findings: Findings) -> list[Verdict]:
-    """Return the verdict (whether the results agree) on each claim of Di Lecce et al. 2022, by section and material.
-
-    Section: how the cross-section of the beam is modelled, in plane strain or as a solid.
-    """
+    """Return whether the results agree with each claim of Di Lecce et al. 2022."""
     return [
         verdict
         for section in SECTIONS
@@ -81,13 +71,7 @@ def _better(findings: Findings, key: str, section: str) -> Verdict:
 
 
 def _lost(findings: Findings, key: str, section: str) -> str:
-    """Return a text on laws fitted to bending for which the simulated beam of some specimen has no equilibrium.
-
-    For each such law, the text names the types of specimen without an equilibrium, and the stretch up to which the law
-    is stable. The types are those to which no law was fitted. Type 4, whose beam twists in the field, is left out
-    unless it is the only one. `key` names the material, and `section` the model of the cross-section. The text is empty
-    if all beams have an equilibrium.
-    """
+    """Return a text on laws with which some simulated beams have no equilibrium; empty without such laws."""
     sentences = []
     for route in (route for route in findings.routes(key, section) if route.source == BENDING):
         kinds = [k for k in untwisted(findings) if np.isinf(_bending_um(findings, key, section, k)[route.law])]
@@ -101,8 +85,7 @@ def _lost(findings: Findings, key: str, section: str) -> str:
 def _bending_um(findings: Findings, key: str, section: str, kind: str) -> dict[str, float]:
     """Return the mean error (µm) on one type of specimen, for each law fitted to bending.
 
-    The error in a state is the root mean square distance between measured and simulated edges. `key` is the material,
-    `section` the model of the cross-section, and `kind` the type of specimen.
+    `key` is the material, `section` the model of the cross-section, and `kind` the type of specimen.
     """
     routes = findings.routes(key, section)
     errors = findings.errors[key, section, kind]
@@ -169,10 +152,7 @@ def _type_4(findings: Findings, key: str, section: str) -> list[Verdict]:
 
 
 def in_words(findings: Findings) -> list[str]:
-    """Return, for each material, a paragraph that compares laws fitted to bending with laws fitted to tension.
-
-    The comparison is made with the section (model of the cross-section) in plane strain and as a solid.
-    """
+    """Return, for each material, a paragraph that compares laws fitted to bending with laws fitted to tension."""
     compared = {(a.material, a.section): a for a in advantages(findings, untwisted(findings))}
     lines = []
     for key in findings.inputs.extent.materials:

@@ -1,7 +1,4 @@
-"""Compute the errors of identified laws on a specimen as `eimi validate` does.
-
-The simulated edges are corrected for the error of the mesh, and for the difference between a planar and a solid model.
-"""
+"""Compute the errors of identified laws on a specimen."""
 
 from __future__ import annotations
 
@@ -23,24 +20,18 @@ Array = NDArray[np.float64]
 def errors_of(routes: Sequence[Route], experiment: Experiment) -> list[dict[str, Any]]:
     """Compute the errors of identified laws on one specimen.
 
-    The edges are simulated with a planar beam model. They are then corrected by the difference between the edges of a
-    solid and of a planar beam (the depth correction). The depth correction of the first law is the starting point for
-    the other laws, which saves time.
-
     Parameters
     ----------
     routes : sequence of Route
-        The identified laws.
+        Identified laws.
     experiment : Experiment
-        The specimen with its measured edges.
+        Specimen with its measured edges.
 
     Returns
     -------
     list of dict
-        For each law: `error_mm` and `deviation_mm` by state (root mean square and standard deviation of the distances
-        between measured and simulated edges), and the simulated edges `edges_mm` of the last state,
-        shape (2, n, 2). The axes of the edges are: left or right edge, n points, x and y in mm. All entries are None if
-        the beam has no equilibrium with the law.
+        For each law: `error_mm` and `deviation_mm` in each state, and `edges_mm` in the last state, with the axes left
+        and right edge, point, x and y. None if the beam has no equilibrium.
     """
     stored: list[dict[str, Any]] = []
     depth: tuple[Correction, ...] = ()
@@ -66,18 +57,16 @@ def errors_of(routes: Sequence[Route], experiment: Experiment) -> list[dict[str,
 
 
 def mean_error_um(stored: dict[str, Any]) -> float:
-    """Return the mean of a law's errors in all states in µm; infinity if the beam has no equilibrium with the law.
+    """Return the mean error of a law over all states (µm); infinity if the beam has no equilibrium.
 
-    The error in a state is the root mean square distance between measured and simulated edges. `stored` is the element
-    for this law in the result of `errors_of`.
+    `stored` is an element of the result of `errors_of`.
     """
     return float("inf") if stored["error_mm"] is None else 1e3 * float(np.mean(stored["error_mm"]))
 
 
 def mean_deviation_um(stored: dict[str, Any]) -> float:
-    """Return the mean of a law's deviations in all states in µm; infinity if the beam has no equilibrium.
+    """Return the mean standard deviation of the distances over all states (µm); infinity without an equilibrium.
 
-    The deviation in a state is the standard deviation of the distances between measured and simulated edges. `stored`
-    is the element for this law in the result of `errors_of`.
+    `stored` is an element of the result of `errors_of`.
     """
     return float("inf") if stored["deviation_mm"] is None else 1e3 * float(np.mean(stored["deviation_mm"]))

@@ -1,4 +1,4 @@
-"""The extent of a study: the materials, specimens, laws, states and windows of strain that are evaluated."""
+"""The extent of a study: which materials, specimens, laws, states and strains are evaluated."""
 
 from __future__ import annotations
 
@@ -16,22 +16,20 @@ TRAINED_ON = "type1"
 
 @dataclass(frozen=True)
 class Extent:
-    """The materials, specimens, laws, states and windows of strain that a study evaluates.
+    """Which materials, specimens, laws, states and strains a study evaluates.
 
     Attributes
     ----------
     materials, types, laws : tuple of str
-        Keys of the hidden materials (the true materials of the simulated specimens), names of the shipped specimens,
-        and names of the fitted laws.
+        Keys of the materials, names of the specimens, and names of the fitted laws.
     states : int or None
-        Number of states that are chosen from each protocol at even distances; None for all states.
+        Number of states; None for all states.
     windows_percent : tuple
-        Largest strains, in per cent, up to which tensile curves are fitted; None for the whole curve.
+        Largest strains (%) of the fits to tensile curves; None for the whole curve.
     open_questions : bool
-        Whether the questions that Di Lecce et al. 2022 leave open are answered (module `open_questions`).
+        Whether the questions that Di Lecce et al. 2022 leave open are answered.
     cases : int
-        Largest number of cases that are computed for an open question, for example of different magnets. It also limits
-        the number of seeds, and of laws, with which the optimisers are compared.
+        Largest number of cases for an open question.
     """
 
     materials: tuple[str, ...] = ("dragon_skin_10", "ecoflex_00_50")
@@ -44,14 +42,11 @@ class Extent:
 
     @property
     def unseen(self) -> tuple[str, ...]:
-        """Return the types of specimen on which the laws are validated: all types to which no law is fitted."""
+        """Return the types of specimen to which no law is fitted."""
         return tuple(kind for kind in self.types if kind != TRAINED_ON)
 
     def chosen(self, count: int) -> NDArray[np.intp]:
-        """Return the indices of the states that the study evaluates, of a protocol with `count` states.
-
-        The states are evenly spaced, from the first to the last state.
-        """
+        """Return the indices of the evaluated states, evenly spaced among `count` states."""
         return np.unique(np.linspace(0, count - 1, min(self.states or count, count)).round().astype(int))
 
 

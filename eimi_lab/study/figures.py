@@ -35,11 +35,9 @@ def all_figures(findings: Findings) -> dict[str, bytes]:
 
 
 def _best_tension(findings: Findings, key: str, section: str) -> int:
-    """Return which law has the smallest errors, among the laws fitted to the tensile curve of a material.
+    """Return the index of the law with the smallest errors among the laws fitted to tension.
 
-    The result is an index in `findings.routes(key, section)`. Two laws are compared by the sum of their mean errors
-    over all specimens that do not twist and to which no law was fitted. `key` is the material, and `section` the model
-    of the cross-section.
+    `key` is the material, and `section` the model of the cross-section.
     """
     kinds = untwisted(findings)
     routes = findings.routes(key, section)
@@ -60,7 +58,7 @@ def _png(figure: Figure) -> bytes:
 
 
 def _legend(figure: Figure) -> None:
-    """Add one legend below all axes, in which each label occurs once."""
+    """Add one legend without repeated labels below all axes."""
     named = {
         name: handle for axes in figure.axes for handle, name in zip(*axes.get_legend_handles_labels(), strict=True)
     }
@@ -68,11 +66,7 @@ def _legend(figure: Figure) -> None:
 
 
 def _stress_strain(findings: Findings) -> Figure:
-    """Draw figure 1: stress against strain.
-
-    The figure shows the hidden material, the laws fitted to bending, and Yeoh's law fitted to tension. Hidden material:
-    the true material of the simulated specimens.
-    """
+    """Draw figure 1: stress against strain of the true material and of identified laws."""
     keys = findings.inputs.extent.materials
     figure, grid = _grid(len(keys), 2, 4.6, 3.0)
     for row, key in zip(grid, keys, strict=True):
@@ -114,10 +108,7 @@ def _curves_by_route(axes: Axes, routes: list[Route], strain: Array) -> None:
 
 
 def _boxes(findings: Findings) -> Figure:
-    """Draw figure 7: box plots of the errors of identified laws in all states, for each type of specimen.
-
-    The figure shows each law fitted to bending, and the law fitted to a tensile curve that has the smallest errors.
-    """
+    """Draw figure 7: box plots of the errors of identified laws in all states, for each type of specimen."""
     keys, types = findings.inputs.extent.materials, findings.inputs.extent.types
     figure, grid = _grid(len(keys), len(SECTIONS), 5.2, 2.8)
     for row, key in zip(grid, keys, strict=True):
@@ -153,10 +144,7 @@ def _boxes(findings: Findings) -> Figure:
 
 
 def _overlays(findings: Findings) -> Figure:
-    """Draw figure 8: measured and simulated edges in the strongest field for each type of specimen.
-
-    A small inset shows the end of the left edge enlarged.
-    """
+    """Draw figure 8: measured and simulated edges in the strongest field for each type of specimen."""
     keys, types = findings.inputs.extent.materials, findings.inputs.extent.types
     figure, grid = _grid(len(keys), len(types), max(3.0, 10.0 / len(types)), 3.2)
     for row, key in zip(grid, keys, strict=True):
@@ -191,10 +179,7 @@ _NEAR = np.array([-0.5, 0.5])  # mm from the tip
 
 
 def _by_field(findings: Findings) -> Figure:
-    """Draw figure 9: the error of each law against the field.
-
-    The error is the mean over the types of specimen to which no law was fitted and which do not twist.
-    """
+    """Draw figure 9: the mean error of each law against the field."""
     keys, kinds = findings.inputs.extent.materials, untwisted(findings)
     figure, grid = _grid(len(keys), len(SECTIONS), 4.6, 2.8)
     for row, key in zip(grid, keys, strict=True):

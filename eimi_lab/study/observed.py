@@ -1,13 +1,4 @@
-"""Simulate the measured edges of specimens of hidden materials, whose laws the fits do not know.
-
-The edges are the outline of the beam model with a solid section, on a finer mesh than the mesh of a fit. Normal noise
-of the size of the error of the edge finder is added. Frames are not rendered: on a clean picture the error of the edge
-finder is a hundredth of a pixel, and rendering would take most of the time.
-
-Di Lecce et al. 2022 report that their specimen of type 4 turned about its own axis. The simulation therefore tilts the
-moment of its magnet out of the plane of the picture, so that the field twists the beam (`beam.twist`). The camera then
-sees a part of the depth in addition to the width. The beam models of the fits do not include this twist.
-"""
+"""Simulate the measured edges of specimens whose material the fits do not know."""
 
 from __future__ import annotations
 
@@ -40,38 +31,36 @@ _AT_ENDS = 4  # points of an edge that are not measured at the clamp; half as ma
 
 
 def field_mT(material: HiddenMaterial, extent: Extent) -> Array:
-    """Return the fields of the K states in which specimens of a material are measured, in mT, shape (K,)."""
+    """Return the fields (mT) in which specimens of a material are measured, one for each state."""
     fields = np.array(load_protocol(material.protocol).currents_A) * COIL_mT_PER_A
     return fields[extent.chosen(len(fields))]
 
 
 def specimen_of(kind: str) -> Specimen:
-    """Return the shipped specimen of a type, `type1` to `type4`, whose cross-section is modelled as a solid."""
+    """Return the specimen `type1`, `type2`, `type3` or `type4`, with a solid cross-section."""
     return replace(load_specimen(kind).mechanics(), section="solid")
 
 
 def outlines_mm(
     material: HiddenMaterial, specimen: Specimen, fields: Array, bulk_modulus_Pa: float | None = None
 ) -> Array:
-    """Simulate the left and right edges of a specimen of a hidden material without noise.
-
-    The cross-section of the beam is modelled as a solid.
+    """Simulate the left and right edges of a specimen without noise.
 
     Parameters
     ----------
     material : HiddenMaterial
-        The material of the specimen.
+        Material of the specimen.
     specimen : Specimen
-        The beam and its magnet.
+        Beam and magnet.
     fields : ndarray, shape (K,)
-        Fields of the K states in mT.
+        Fields of K states in mT.
     bulk_modulus_Pa : float, optional
-        Bulk modulus in Pa; without a bulk modulus the material is incompressible.
+        Bulk modulus; by default the material is incompressible.
 
     Returns
     -------
     ndarray, shape (K, 2, n, 2)
-        x and y in mm of n points of the edges. The axes are: state, left or right edge, point, coordinate.
+        Edges in mm; axes state, left and right edge, point, x and y.
 
     Raises
     ------
@@ -89,10 +78,9 @@ def outlines_mm(
 
 
 def measured_edges_mm(key: str, kind: str, extent: Extent) -> Array:
-    """Return the edges in K states, with simulated noise, of a type of specimen (`kind`) of a material (`key`).
+    """Return the edges (mm) of a specimen with simulated noise; axes state, left and right edge, point, x and y.
 
-    The shape is (K, 2, n, 2): state, left or right edge, n points, x and y in mm. The edges of type 4 also include the
-    twist of the beam. `extent` selects the states.
+    `key` is the material, and `kind` the type of specimen.
     """
     material, specimen = MATERIALS[key], specimen_of(kind)
     fields = field_mT(material, extent)
@@ -103,39 +91,34 @@ def measured_edges_mm(key: str, kind: str, extent: Extent) -> Array:
 
 
 def noise_mm(shape: tuple[int, ...], of: str, sigma_mm: float = NOISE_MM) -> Array:
-    """Return random errors of edge points in mm, from a normal distribution with the standard deviation `sigma_mm`.
-
-    `shape` is the shape of the returned array. The text `of`, for example the name of a specimen, seeds the random
-    numbers: the same text always gives the same errors.
-    """
+    """Return normally distributed errors of edge points (mm); the text `of` is the seed."""
     return np.random.default_rng(zlib.crc32(of.encode())).normal(0.0, sigma_mm, shape)
 
 
 def twisted(edges: Array, material: HiddenMaterial, fields: Array) -> Array:
-    """Return the edges of a specimen of type 4 with the twist due to a magnetic moment out of the plane of the picture.
-
-    The angle between the moment and this plane is chosen such that the magnet turns by `TWIST_DEG` degrees about the
-    axis of the beam in the strongest field.
+    """Return the edges of a specimen that the field twists about the axis of the beam.
 
     Parameters
     ----------
     edges : ndarray, shape (K, 2, n, 2)
-        Edges without twist, in mm. The axes are: state, left or right edge, point, coordinate.
+        Edges without twist in mm; axes state, left and right edge, point, x and y.
     material : HiddenMaterial
-        The material of the beam.
+        Material of the beam.
     fields : ndarray, shape (K,)
         Fields of the K states in mT.
 
     Returns
     -------
     ndarray, shape (K, 2, n, 2)
-        Edges with twist, in mm.
+        Edges with twist in mm.
 
     Raises
     ------
     ArithmeticError
         If the beam has no equilibrium in a state.
     """
+    # Di Lecce et al. 2022 report that their specimen of type 4 turned about its own axis. The moment of its magnet is
+    # tilted out of the plane of the picture. The beam models of the fits do not include this twist.
     straight = experiment_of(TWISTED, edges, fields, "solid")
     per_tilt = tip_twist_per_tilt(straight, material.law, material.parameters)
     if per_tilt is None:
@@ -147,11 +130,9 @@ def twisted(edges: Array, material: HiddenMaterial, fields: Array) -> Array:
 
 
 def experiment_of(kind: str, edges: Array, fields: Array, section: Section) -> Experiment:
-    """Return the data of a fit to a type of specimen (`kind`): beam model, loads and edges.
+    """Return the data of a fit to one specimen: beam model, loads and edges.
 
-    `section` says how the beam model treats the cross-section: in plane strain, in plane stress or as a solid. `edges`,
-    shape (K, 2, n, 2), holds x and y in mm of n points of the left and right edge in K states. `fields`, shape (K,),
-    holds the fields of the states in mT.
+    `edges` holds mm, with the axes state, left and right edge, point, x and y. `fields` holds mT.
     """
     specimen = replace(specimen_of(kind), section=section)
     sigma = np.full(edges.shape[2], NOISE_MM)

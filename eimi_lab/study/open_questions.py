@@ -1,11 +1,4 @@
-"""Answer questions that Di Lecce et al. 2022 leave open.
-
-The questions concern compressibility, magnetic moment, number of states and choice of optimiser.
-
-The first three questions use the specimen "type 1", the first of the four shapes of specimen in the paper, made of a
-Neo-Hookean silicone. The law of the fit is then the true law, so that each deviation is due to the input in question.
-Each answer is a list of rows for JSON.
-"""
+"""Answer questions that Di Lecce et al. 2022 leave open: compressibility, magnetic moment, states and optimiser."""
 
 from __future__ import annotations
 
@@ -43,23 +36,19 @@ STATES = (2, 3, 6, 11, 16)
 
 
 def compressibility(extent: Extent, seed: int) -> list[dict[str, Any]]:
-    """Fit beams of a compressible material in three ways, and return the errors of the fitted shear modulus.
-
-    The first two fits assume an incompressible material: one with a solid cross-section, one in plane strain. The
-    third fit also searches the bulk modulus, which the search can do only in plane strain. The measured edges of each
-    fit are simulated with the same model of the cross-section as the fit.
+    """Fit beams of a compressible material, and return the errors of the fitted shear modulus.
 
     Parameters
     ----------
     extent : Extent
-        The part of the study that is computed.
+        Number of computed cases.
     seed : int
         Seed of the searches.
 
     Returns
     -------
     list of dict
-        A row of results for each ratio of bulk modulus to shear modulus of the simulated material.
+        A row of results for each ratio of bulk modulus to shear modulus.
     """
     specimen = specimen_of(TRAINED_ON)
     rows = []
@@ -94,15 +83,9 @@ def compressibility(extent: Extent, seed: int) -> list[dict[str, Any]]:
 
 
 def moment(extent: Extent, seed: int) -> list[dict[str, Any]]:
-    """Fit a beam whose magnet is stronger than the specimen file says, and return the errors of the fitted modulus.
-
-    Each row of the result holds one case. In some cases the magnetic moment of the file is taken as exact. In the
-    others the moment is fitted together with the modulus, with a normal prior about the moment of the file. One case
-    has a magnet as strong as the file says, for comparison.
-
-    The torque on a rigid magnet depends only on the product of moment and field. A stronger magnet is therefore
-    simulated by a stronger field.
-    """
+    """Fit beams with an error of the magnetic moment in the specimen file, and return the errors of the modulus."""
+    # The torque on a rigid magnet depends only on the product of moment and field: a stronger field simulates a
+    # stronger magnet.
     off, percent = 1 + MOMENT_OFF, f"{100 * MOMENT_OFF:g}"
     settings: tuple[tuple[str, float, float | None], ...] = (
         (
@@ -134,17 +117,12 @@ def moment(extent: Extent, seed: int) -> list[dict[str, Any]]:
 
 
 def states_needed(extent: Extent, seed: int) -> list[dict[str, Any]]:
-    """Return, for several numbers of states, the half-width of the 95 % interval of the modulus, in per cent.
-
-    The half-width is predicted for several standard deviations σ of the errors of the edge points (mm). It is 100 ·
-    1.96 σ / s. Here s is the sensitivity of the edges: how far the edge points move if the modulus changes (root of
-    the sum of squares, mm), divided by the relative change of the modulus. This prediction assumes independent errors.
-    For comparison, a fit is computed to edges with errors of 0.1 px.
-    """
+    """Return the half-width (%) of the 95 % interval of the modulus for several numbers of states."""
     rows = []
     for count in STATES[: extent.cases]:
         fields = np.linspace(0.0, _FIELDS_MT[-1], count)
         edges = outlines_mm(PLAIN, specimen_of(TRAINED_ON), fields)
+        # Independent errors sigma of the edge points: the relative standard deviation of the modulus is sigma / s.
         sensitivity_mm = _sensitivity_mm(experiment_of(TRAINED_ON, edges, fields, "plane-stress"))
         fit = _fit(edges, "solid", seed, fields, NOISES_MM["0.1 px"])
         low, high = _interval_percent(fit)
@@ -175,11 +153,7 @@ def _fit(
 
 
 def _sensitivity_mm(experiment: Experiment) -> float:
-    """Return the sensitivity s of the edges to the modulus, mm.
-
-    If the modulus changes by the small fraction p, the edge points move by the distances d_i, and s = sqrt(Σ d_i²) / p.
-    With independent errors σ of the edge points, the relative standard deviation of the fitted modulus is σ / s.
-    """
+    """Return how far the edge points move (root of the sum of squares, mm) per relative change of the modulus."""
     step = 1e-3
     around = PLAIN.modulus_Pa * np.array([[1 - step], [1 + step]])
     shapes = experiment.model.solve(PLAIN.law, around, experiment.loads, tolerance_mm=1e-4)

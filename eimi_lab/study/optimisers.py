@@ -1,12 +1,4 @@
-"""Compare CMA-ES with Gauss-Newton, Nelder-Mead and differential evolution.
-
-All optimisers search the unit cube of the coordinates of a law, in which the modulus covers three decades. They
-minimise the mean distance from the edges of a simulated specimen, type 1 of the study. The beam model has the mesh that
-a fit uses for its search. The material of the simulated specimen follows a law that is not among the fitted laws. The
-result is the number of evaluations after which the modulus of the best candidate stays within one per cent of the
-modulus of the optimum. Gauss-Newton and the mean of CMA-ES start in the middle of the cube. The other optimisers start
-at points that depend on the seed.
-"""
+"""Compare CMA-ES with Gauss-Newton, Nelder-Mead and differential evolution."""
 
 from __future__ import annotations
 
@@ -38,35 +30,25 @@ _NEAR = 0.01
 
 @dataclass
 class _Counted:
-    """An optimisation problem that records each evaluated candidate and the objective of the candidate.
-
-    A candidate is a set of parameters of a law, given as n coordinates from 0 to 1 (a point of the unit cube), shape
-    (n,). The objective, which the optimisers minimise, is the mean error of the simulated edges in mm.
-    """
+    """An optimisation problem that records all evaluated sets of parameters and their errors."""
 
     problem: Problem
     units: list[Array] = field(default_factory=list)
     values: list[float] = field(default_factory=list)
 
     def evaluate(self, units: Array) -> Evaluation:
-        """Evaluate and record P candidates (sets of parameters), and return the evaluation.
-
-        `units` holds the n coordinates of each candidate in the unit cube, shape (P, n).
-        """
+        """Evaluate and record P sets of n parameters, scaled from 0 to 1, shape (P, n)."""
         evaluation = self.problem.evaluate(units, 1.0)
         self.units += list(np.atleast_2d(units))
         self.values += evaluation.objective_mm.tolist()
         return evaluation
 
     def objective(self, unit: Array) -> float:
-        """Evaluate and record one candidate (set of parameters), and return its objective, the mean error in mm.
-
-        `unit` holds the n coordinates of the candidate in the unit cube, shape (n,).
-        """
+        """Return the mean error (mm) for one set of n parameters, scaled from 0 to 1, shape (n,)."""
         return float(self.evaluate(unit[None]).objective_mm[0])
 
     def moduli_Pa(self) -> Array:
-        """Return the modulus (Pa) of the best parameters after each of m evaluations, shape (m,)."""
+        """Return the modulus of the best parameters after each evaluation."""
         values = np.array(self.values)
         best = np.maximum.accumulate(np.where(values <= np.minimum.accumulate(values), np.arange(len(values)), 0))
         parameters = self.problem.unknowns.parameters(np.array(self.units)[best])
@@ -115,10 +97,9 @@ def evaluations_to_one_percent(extent: Extent, seed: int) -> list[dict[str, Any]
     Returns
     -------
     list of dict
-        A row for each law and optimiser. Three entries of a row are lists with a value for each seed: `to_one_percent`,
-        the number of evaluations after which the modulus of the best candidate stays within one per cent of the modulus
-        of the optimum (None: never); `evaluations`, the number of all evaluations; `least_error_um`, the smallest error
-        in µm.
+        A row for each law and optimiser, with lists over the seeds: `to_one_percent` (evaluations until the modulus
+        stays within one per cent of the optimum), `evaluations` (all evaluations) and `least_error_um` (smallest
+        error).
     """
     experiment = _experiment()
     rows = []
@@ -144,11 +125,7 @@ def evaluations_to_one_percent(extent: Extent, seed: int) -> list[dict[str, Any]
 
 
 def _experiment() -> Experiment:
-    """Return the data of all searches: simulated edges of a specimen of type 1, made of a hidden material.
-
-    A hidden material is known to the simulation of the data, but not to the fits. Every third point of the edges is
-    used.
-    """
+    """Return the data of all searches: simulated edges of one specimen."""
     key = "dragon_skin_10"
     fields = field_mT(MATERIALS[key], Extent(states=_STATES))
     edges = outlines_mm(MATERIALS[key], specimen_of(TRAINED_ON), fields)[:, :, ::_STRIDE]
@@ -165,11 +142,9 @@ def _run(optimiser: Callable[[_Counted, int, int], None], problem: Problem, seed
 
 
 def _reached(moduli_Pa: Array, target_Pa: float) -> int | None:
-    """Return the number of evaluations after which the modulus stays within one per cent of a target.
+    """Return the number of evaluations after which the modulus stays within one per cent of a target, or None.
 
-    `moduli_Pa` holds the modulus of the best parameters after each evaluation.
-
-    Return None if the last modulus is not within one per cent of the target.
+    `moduli_Pa` holds the best modulus after each evaluation.
     """
     far = np.flatnonzero(np.abs(moduli_Pa / target_Pa - 1) > _NEAR)
     first = int(far[-1]) + 1 if len(far) else 0

@@ -42,7 +42,7 @@ def claims_table(judged: Sequence[Verdict]) -> Table:
 
 
 def write_pages(output: Path, findings: Findings) -> list[str]:
-    """Write all files of a study into a folder, and return the lines to print. Files of an earlier run are replaced."""
+    """Write all files of a study into a folder, and return the lines to print."""
     claims, tables = claims_table(verdicts(findings)), all_tables(findings)
     figures = all_figures(findings)
     for table in (claims, *tables):

@@ -1,4 +1,4 @@
-"""The tables of a study: the tables of the paper (Di Lecce et al. 2022), and one table for each open question."""
+"""The tables of a study: those of the paper by Di Lecce et al. 2022, and one for each open question."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from eimi_lab.study.whole_study import Findings
 
 @dataclass(frozen=True)
 class Table:
-    """A table of a study. `name` is the name of the CSV file of the table, and `note` is printed below the table."""
+    """A table of a study, with the name of its CSV file and a note."""
 
     name: str
     title: str
@@ -37,8 +37,6 @@ class Table:
 
 def number(value: float | None, digits: int = 3) -> str:
     """Return a number as text with `digits` significant digits; `–` for None, `∞` for infinity.
-
-    A number of 10000 or more is rounded to an integer.
 
     Examples
     --------
@@ -69,10 +67,7 @@ def all_tables(findings: Findings) -> list[Table]:
 
 
 def searches(findings: Findings) -> Table:
-    """Return a table like table 4 of Di Lecce et al. 2022, with a row for each fit of a law to bending.
-
-    A row gives the number of evaluations of the search for the parameters, and the error of the fit.
-    """
+    """Return a table of the fits to bending, with evaluations and errors (table 4 of Di Lecce et al. 2022)."""
     rows = [
         (
             MATERIALS[key].name,
@@ -112,10 +107,7 @@ def _values(route: Route) -> str:
 
 
 def parameters(findings: Findings, key: str) -> Table:
-    """Return a table like table 5 or 6 of the paper: parameters, mean errors and deviations for one material.
-
-    The deviation is the standard deviation of the distances between measured and simulated edges.
-    """
+    """Return a table of the parameters and errors for one material (tables 5 and 6 of Di Lecce et al. 2022)."""
     extent = findings.inputs.extent
     rows: list[tuple[str, ...]] = []
     for section in SECTIONS:
@@ -138,23 +130,20 @@ def parameters(findings: Findings, key: str) -> Table:
 
 @dataclass(frozen=True)
 class Advantage:
-    """The mean errors of laws fitted to bending and of laws fitted to tension, for one material and one section.
-
-    The means are taken over types of specimen to which no law was fitted. Section: the model of the cross-section, in
-    plane strain or as a solid.
+    """The mean errors of laws fitted to bending and of laws fitted to tension.
 
     Attributes
     ----------
     material, section : str
         Key of the material, and "plane-strain" or "solid".
     bending_um : tuple of float
-        Smallest and largest error of the laws fitted to bending, in µm.
+        Smallest and largest error of the laws fitted to bending.
     bending_modulus_Pa : tuple of float
-        Smallest and largest initial shear modulus of the laws fitted to bending, in Pa.
+        Smallest and largest initial shear modulus of the laws fitted to bending.
     tension_um, median_tension_um : float
-        Smallest and median error of the laws fitted to a tensile curve, in µm.
+        Smallest and median error of the laws fitted to tension.
     tension : Route
-        The law with the smallest error of all laws fitted to a tensile curve.
+        Law with the smallest error among those fitted to tension.
     """
 
     material: str
@@ -167,12 +156,7 @@ class Advantage:
 
     @property
     def ratios(self) -> tuple[float, float]:
-        """Return how many times larger the errors are after a fit to tension than after a fit to bending.
-
-        Of the laws fitted to tension, the one with the smallest error is compared. Its error is divided by the largest
-        error of the laws fitted to bending, which gives the first value, and by their smallest error, which gives the
-        second, larger value.
-        """
+        """Return the error after a fit to tension, divided by the largest and the smallest error after fits to bending."""
         return self.tension_um / self.bending_um[1], self.tension_um / self.bending_um[0]
 
 
@@ -182,12 +166,11 @@ def advantages(findings: Findings, kinds: Sequence[str], source: str = "own") ->
     Parameters
     ----------
     findings : Findings
-        All results of the study.
+        Results of the study.
     kinds : sequence of str
-        The types of specimen over which the errors are averaged.
+        Types of specimen over which the errors are averaged.
     source : {"own", "published"}
-        "own" for a simulated tensile curve of the hidden material (the true material of the simulated specimens),
-        "published" for a published curve.
+        Simulated or published tensile curve.
     """
     compared = []
     for key, section in findings.bending:
@@ -217,19 +200,13 @@ def advantages(findings: Findings, kinds: Sequence[str], source: str = "own") ->
 
 
 def untwisted(findings: Findings) -> list[str]:
-    """Return the types of specimen to which no law was fitted, without type 4, which twists in the field.
-
-    If type 4 is the only type to which no law was fitted, it is returned.
-    """
+    """Return the types of specimen to which no law was fitted, without type 4, whose beam twists."""
     unseen = findings.inputs.extent.unseen
     return [kind for kind in unseen if kind != TWISTED] or list(unseen)
 
 
 def advantage_table(findings: Findings) -> Table:
-    """Return the table that compares the errors of laws fitted to bending with the errors of laws fitted to tension.
-
-    The errors are computed by simulations in plane strain, and by simulations with a solid section.
-    """
+    """Return the table that compares the errors of laws fitted to bending and of laws fitted to tension."""
     kinds = untwisted(findings)
     rows = []
     for source in ("own", "published"):
@@ -375,11 +352,7 @@ def _states(rows: Sequence[dict[str, Any]]) -> Table:
 
 
 def _enough(rows: Sequence[dict[str, Any]]) -> str:
-    """Return a sentence with the number of states that a fit needs to determine the modulus within 1 %.
-
-    With this number of states, the half-width of the 95 % interval of the modulus is at most 1 %. Each of the `rows`
-    has a number of states, and the half-width of a fit with this number.
-    """
+    """Return a sentence with the number of states that determine the modulus within 1 %."""
     enough = [row["states"] for row in rows if row["fit_half_percent"] <= 1]
     return (
         f"{min(enough)} states are enough for an interval of ± 1 % if all other inputs are exact."

@@ -1,4 +1,4 @@
-"""Identify laws in two ways: from the bending of one specimen, and by least squares on windows of a tensile curve."""
+"""Identify laws in two ways: from the bending of one specimen, and from parts of a tensile curve."""
 
 from __future__ import annotations
 
@@ -24,21 +24,20 @@ BENDING = "bending"
 
 @dataclass(frozen=True)
 class Route:
-    """A law with identified parameters, and the kind of data (the route) from which they were identified.
+    """A law with identified parameters, and the kind of data from which they were identified.
 
     Attributes
     ----------
     law : str
         Name of the law.
     values : tuple of float
-        The identified parameters, in the order and the units that the law has for its parameters.
+        Identified parameters.
     modulus_Pa : float
-        The initial shear modulus in Pa.
+        Initial shear modulus.
     source : {"bending", "own", "published"}
-        The data: bending of a specimen of type 1, the tensile curve of the hidden material (the true material of the
-        simulated specimens), or a published tensile curve.
+        Bending, simulated tensile curve, or published tensile curve.
     window : str
-        The fitted part of the tensile curve, from 0 to a largest strain: `20 %`, `full` and so on; empty for bending.
+        Largest strain of the tensile curve, such as `20 %` or `full`; empty for bending.
     """
 
     law: str
@@ -49,22 +48,21 @@ class Route:
 
     @property
     def name(self) -> str:
-        """Return the name of the data for tables, such as `bending`, `tension 20 %` or `published curve, full`."""
+        """Return the name of the data, such as `bending`, `tension 20 %` or `published curve, full`."""
         if self.source == BENDING:
             return BENDING
         return f"{'tension' if self.source == 'own' else 'published curve,'} {self.window}"
 
     @staticmethod
     def of(stored: dict[str, Any]) -> Route:
-        """Return the identified law and its kind of data from a dictionary that was stored as JSON."""
+        """Return the identified law from a dictionary that was stored as JSON."""
         return Route(stored["law"], tuple(stored["values"]), stored["modulus_Pa"], stored["source"], stored["window"])
 
 
 def by_bending(law: str, experiment: Experiment, seed: int) -> dict[str, Any]:
     """Identify the parameters of a law from the bending of a specimen.
 
-    Return a dictionary for JSON with the law, its parameters, the modulus (the fields of a `Route`), the numbers of
-    evaluations and generations of the search, its time (s), and the errors of the fit.
+    Return a dictionary for JSON with the law, its parameters, evaluations, time (s) and errors of the fit.
     """
     fit = identify(law, [experiment], seed=seed, possible_causes=())
     return {
@@ -88,25 +86,21 @@ def by_bending(law: str, experiment: Experiment, seed: int) -> dict[str, Any]:
 
 
 def by_tension(strain: Array, stress_Pa: Array, source: str, extent: Extent) -> list[dict[str, Any]]:
-    """Fit each law to each window of a tensile curve by least squares. Windows with too few points are left out.
-
-    A window is the part of the curve up to a largest strain.
+    """Fit each law to parts of a tensile curve (up to several largest strains) by least squares.
 
     Parameters
     ----------
     strain, stress_Pa : ndarray, shape (m,)
-        Engineering strain, and engineering stress in Pa, at the m points of the curve.
+        Engineering strain, and engineering stress in Pa.
     source : {"own", "published"}
-        "own" for a simulated curve of the hidden material (the true material of the simulated specimens), "published"
-        for a published curve.
+        Simulated or published curve.
     extent : Extent
-        The laws and the windows of strain to fit.
+        Laws and largest strains.
 
     Returns
     -------
     list of dict
-        A dictionary for each fit: the law, its parameters and the kind of data (the fields of a `Route`), the root
-        mean square error (Pa), and the stretch up to which the law is stable.
+        For each fit: law, parameters, error (Pa) and stability limit.
     """
     fits = []
     for percent in extent.windows_percent:
@@ -133,8 +127,6 @@ def by_tension(strain: Array, stress_Pa: Array, source: str, extent: Extent) -> 
 
 def published_curves(folder: Path | None, materials: Sequence[str]) -> dict[str, Path]:
     """Return the file with the tensile test of each material; empty without a folder.
-
-    The name of such a file begins with the first word of the material's key, and ends with `.csv`.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Store each result of a study in a JSON file, so that it is not computed again when the study continues."""
+"""Store each result of a study in a JSON file, so that an interrupted study can continue."""
 
 from __future__ import annotations
 
@@ -17,25 +17,22 @@ _HEAD = "study"
 
 @dataclass(frozen=True)
 class StoredParts:
-    """The stored results of a study: one JSON file for each part, in the folder `parts` of the output folder.
-
-    A part is one result, such as the fit of one law.
-    """
+    """The stored results of a study: one JSON file for each result, in the folder `parts`."""
 
     folder: Path
 
     @staticmethod
     def of(output: Path, head: dict[str, Any], force: bool) -> StoredParts:
-        """Open the stored parts (results) of a study with the same inputs, or begin a new study.
+        """Open the stored results of a study with the same inputs, or begin a new study.
 
         Parameters
         ----------
         output : Path
-            The folder of the study.
+            Folder of the study.
         head : dict
-            The inputs of the study.
+            Inputs of the study.
         force : bool
-            Whether to delete stored parts and begin again.
+            Whether to delete stored results.
 
         Raises
         ------
@@ -57,7 +54,7 @@ class StoredParts:
         return parts
 
     def part(self, name: str, compute: Callable[[], Any]) -> Any:
-        """Return the stored result with this name; if the result is not stored yet, compute and store it first."""
+        """Return the stored result with this name; if nothing is stored, compute and store the result."""
         if not self._file(name).exists():
             self._write(name, compute())
         return self._read(name)

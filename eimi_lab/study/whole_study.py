@@ -1,4 +1,4 @@
-"""Compute all parts of a study in order, and store each part as soon as it is computed."""
+"""Compute all parts of a study in order, and store each result."""
 
 from __future__ import annotations
 
@@ -27,10 +27,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class StudyInputs:
-    """The inputs of a study: its extent, the seed of the searches, and the published tensile curves by material.
-
-    The extent says which materials, specimens, laws and states are evaluated.
-    """
+    """The inputs of a study: its extent, the seed of the searches, and the tensile curves by material."""
 
     extent: Extent
     seed: int = 1
@@ -38,44 +35,38 @@ class StudyInputs:
 
     @staticmethod
     def of(extent: Extent, seed: int, tensile_data: Path | None) -> StudyInputs:
-        """Return the inputs of a study, with the tensile curve of each material from the folder `tensile_data`.
+        """Return the inputs of a study, with the published tensile curves in the folder `tensile_data`.
 
-        Without this folder, the study has no tensile curves. Raises InputError if the curve of a material is missing.
+        Without this folder, there are no published curves. Raises InputError if the curve of a material is missing.
         """
         return StudyInputs(extent, seed, published_curves(tensile_data, extent.materials))
 
     def head(self) -> dict[str, Any]:
-        """Return the inputs of a study as a dictionary for JSON.
-
-        An interrupted study continues only with the same inputs.
-        """
+        """Return the inputs of a study as a dictionary for JSON."""
         digests = {key: hashlib.sha256(path.read_bytes()).hexdigest() for key, path in self.published.items()}
         return {"extent": asdict(self.extent), "seed": self.seed, "published": digests}
 
 
 @dataclass(frozen=True)
 class Findings:
-    """All results of a study.
+    """All results of a study. Section: the model of the cross-section, plane strain or solid.
 
     Attributes
     ----------
     inputs : StudyInputs
-        The materials, specimens and laws that were evaluated, and the seed.
+        Extent and seed.
     fields : dict of ndarray, shape (K,)
-        Fields of the K states in mT, by material.
+        Fields of K states in mT, by material.
     edges : dict of ndarray, shape (K, 2, n, 2)
-        Measured edges in mm, by material and type of specimen. The axes are: state, left or right edge, n points, x and
-        y.
+        Measured edges in mm, by material and specimen; axes state, left and right edge, point, x and y.
     bending : dict of list
-        Fits to the bending of a specimen of type 1, one for each law, by material and section assumption (model of the
-        cross-section: in plane strain or as a solid). Types 1 to 4 are specimens of different dimensions.
+        Fits to bending, by material and section.
     tensile : dict of list
         Fits to tensile curves, by material.
     errors : dict of list
-        Errors of each identified law, by material, section assumption and type of specimen.
+        Errors of the identified laws, by material, section and specimen.
     answers : dict of list
-        Answers to the questions that the paper leaves open, such as whether bending determines the compressibility, by
-        name of the question; empty if these questions were not part of the study.
+        Answers to open questions, by name of the question.
     """
 
     inputs: StudyInputs
@@ -87,25 +78,21 @@ class Findings:
     answers: dict[str, Any]
 
     def routes(self, material: str, section: str) -> list[Route]:
-        """Return the identified laws of a material, in the order in which the attribute `errors` has their errors.
-
-        The laws fitted to bending come first, and the laws fitted to tensile curves follow.
-        """
+        """Return the identified laws of a material: those fitted to bending, then those fitted to tensile curves."""
         return [Route.of(stored) for stored in (*self.bending[material, section], *self.tensile[material])]
 
 
 def steps(extent: Extent) -> int:
-    """Return the number of parts of a study: the results that are computed and stored one by one."""
+    """Return the number of results that a study computes and stores one by one."""
     specimens, sections = len(extent.materials) * len(extent.types), len(SECTIONS)
     fits = len(extent.materials) * (sections * len(extent.laws) + 1)
     return specimens + fits + specimens * sections + (len(QUESTIONS) if extent.open_questions else 0)
 
 
 def compute_all(inputs: StudyInputs, parts: StoredParts, report: Callable[[str], None] = silent) -> Findings:
-    """Compute all parts of a study that are not stored, and return all results.
+    """Compute all results of a study that are not stored, and return all results.
 
-    A part is one result, such as the fit of one law. `report` is called with the name of each part when the part has
-    been computed, or read because it was already stored.
+    `report` is called with the name of each result.
     """
 
     def part(name: str, compute: Callable[[], Any]) -> Any:
@@ -143,18 +130,12 @@ def compute_all(inputs: StudyInputs, parts: StoredParts, report: Callable[[str],
 
 
 def _edges(key: str, kind: str, extent: Extent) -> list[Any]:
-    """Return the simulated measurement of the edges of a specimen as nested lists, for JSON.
-
-    `key` is the material, `kind` the type of specimen, and `extent` the part of the study that is computed.
-    """
+    """Return the simulated measurement of the edges of a specimen as nested lists."""
     return list(measured_edges_mm(key, kind, extent).round(6).tolist())
 
 
 def _tension(key: str, inputs: StudyInputs) -> list[dict[str, Any]]:
-    """Return the fits to the tensile curve of a hidden material and, if there is one, to a published tensile curve.
-
-    Hidden material: the true material of simulated specimens, which the fits do not know.
-    """
+    """Return the fits to the simulated tensile curve of a material and to a published curve, if there is one."""
     fits = by_tension(*MATERIALS[key].tensile_curve(), "own", inputs.extent)
     if key in inputs.published:
         test = read_tensile(inputs.published[key])
