@@ -34,7 +34,6 @@ class Task:
     replicate: int = 0
 
     def __str__(self) -> str:
-        """Return law, datasets, seed and bootstrap replicate as text."""
         words = [self.model, *(str(e.path) for e in self.evidence), f"seed {self.seed}"]
         return " ".join([*words, f"replicate {self.replicate}"] if self.replicate else words)
 
@@ -155,7 +154,7 @@ def fit_grid(
 
 @dataclass
 class _Underway:
-    """The function that a search calls with each set of trial parameters: it logs them and shows the progress."""
+    """The function that logs each generation (set of trial parameters) of a search and shows the progress."""
 
     task: str
     tell: Callable[[str], None]

@@ -55,11 +55,9 @@ class Fits(Record):
         return Path(path)
 
     def __len__(self) -> int:
-        """Return the number of fits in fits.json."""
         return len(self.fits)
 
     def __iter__(self) -> Iterator[FitRecord | TensileRecord | RingDownRecord]:  # type: ignore[override]
-        """Iterate over the fits in the order of fits.json."""
         return iter(self.fits)
 
     def __getitem__(self, which: int | str) -> FitRecord | TensileRecord | RingDownRecord:
@@ -77,7 +75,6 @@ class Fits(Record):
         )
 
     def __repr__(self) -> str:
-        """Return one line with the summary of each fit."""
         return f"<Fits: {'; '.join(fit.summary() for fit in self.fits)}>"
 
     def _repr_html_(self) -> str:
@@ -90,7 +87,7 @@ class Fits(Record):
 
 
 def _comparison(fits: Sequence[FitRecord | TensileRecord | RingDownRecord]) -> tuple[Choice, ...]:
-    """Compare the fitted laws; empty unless different laws were fitted to the same bending data."""
+    """Compare the fitted laws; the result is empty unless different laws were fitted to the same bending data."""
     bending = [fit for fit in fits if isinstance(fit, FitRecord)]
     data = {
         (

@@ -203,7 +203,6 @@ class LawRecord:
         return f"{self.model}: initial shear modulus {self.modulus_in_words()}"
 
     def __repr__(self) -> str:
-        """Return the summary of the fit in angle brackets."""
         return f"<{self.summary()}>"
 
     def _repr_html_(self) -> str:

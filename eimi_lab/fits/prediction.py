@@ -155,7 +155,6 @@ def _simulate_together(
 
 
 def _with_interval(prediction: Prediction[Law]) -> Prediction[Law]:
-    """Return the prediction with the 95 % interval of its mean error."""
     if not prediction.has_equilibrium:
         return prediction
     fit, evidence = prediction.fitted_law.fit, prediction.evidence

@@ -110,7 +110,6 @@ def with_ring_downs(datasets: Sequence[MotionEvidence]) -> list[MotionEvidence]:
 
 
 def _recorded(dataset: Dataset, motion: Motion) -> RecordedMotion:
-    """Return a ring-down or creep with the loads before and during the motion."""
     loads = _loads(dataset, motion.to_A, motion.hanging_N)
     if motion.kind == "creep" and motion.hanging_N and not motion.tip_force_N:  # the weight was hung on the beam
         return RecordedMotion(motion, loads, ((-_LONG_S, _loads(dataset, motion.from_A, 0.0)),))
@@ -135,7 +134,7 @@ def _loads(dataset: Dataset, current_A: float, hanging_N: float) -> Loads:
     if hanging_N and not dataset.gravity:
         raise InputError(
             f"{dataset.path}: a weight of {hanging_N:g} N hangs at the tip, but in this dataset gravity does not act "
-            "on the beam (gravity = false in the calibration, or --no-gravity); correct one of the two"
+            "on the beam (gravity = false in the calibration, or --no-gravity); correct the weight or the gravity"
         )
     return loads_of_states(dataset, [State(0, current_A, None, field, hanging_N, ())])
 

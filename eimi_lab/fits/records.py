@@ -345,7 +345,7 @@ class FitRecord(IdentifiedLaw, LawRecord):
     def summary(self, modulus: str = "") -> str:
         """Return one line about a fit: law, modulus with interval, doubts and mean error.
 
-        `modulus` is the modulus with its interval as text.
+        `modulus` is the text to print for the modulus and its interval.
         """
         whole = [word for word in self.taken_as_exact if word in WHOLE_FILES]
         exact = f"; {' and '.join(whole)} taken as exact" if whole else ""

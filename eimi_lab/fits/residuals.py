@@ -103,7 +103,6 @@ class Residuals:
         return drawn_residuals(self.edge, self.field_mT, self.arc_length_mm, self.distance_mm)
 
     def __repr__(self) -> str:
-        """Return a line with the path of the dataset, the number of states and the number of points."""
         measured = np.isfinite(self.distance_mm)
         points = int((measured.any(axis=1) if self.edge == ("x", "y") else measured).sum())
         return f"<Residuals of {self.dataset}: {len(self.state)} states, {points} points>"

@@ -148,18 +148,7 @@ def _simulated(
 ) -> tuple[Prediction[Law] | None, Correction | None]:
     """Return the simulation of a fit, and the difference of its edges from those of a planar beam model.
 
-    Parameters
-    ----------
-    evidence : Evidence
-        Dataset.
-    fitted_law : FittedLaw
-        Fit.
-    near : sequence of Correction
-        Differences for other fits, as a starting point.
-    plain : Comparison
-        Simulation with a planar beam model.
-    method : {"interpolate", "follow"}
-        Solve the three-dimensional model in a few states, or in all states.
+    `near` holds such differences for other fits; `plain` is the simulation with the planar model.
     """
     fit, path, index = fitted_law.fit, fitted_law.path, fitted_law.index
     section = evidence.experiment.model.specimen.section

@@ -58,7 +58,6 @@ def _png(figure: Figure) -> bytes:
 
 
 def _legend(figure: Figure) -> None:
-    """Add one legend without repeated labels below all axes."""
     named = {
         name: handle for axes in figure.axes for handle, name in zip(*axes.get_legend_handles_labels(), strict=True)
     }

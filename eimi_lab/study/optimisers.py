@@ -125,7 +125,6 @@ def evaluations_to_one_percent(extent: Extent, seed: int) -> list[dict[str, Any]
 
 
 def _experiment() -> Experiment:
-    """Return the data of all searches: simulated edges of one specimen."""
     key = "dragon_skin_10"
     fields = field_mT(MATERIALS[key], Extent(states=_STATES))
     edges = outlines_mm(MATERIALS[key], specimen_of(TRAINED_ON), fields)[:, :, ::_STRIDE]

@@ -156,7 +156,7 @@ class Advantage:
 
     @property
     def ratios(self) -> tuple[float, float]:
-        """Return the error after a fit to tension, divided by the largest and the smallest error after fits to bending."""
+        """Return the error after a fit to tension, divided by the largest and smallest error after fits to bending."""
         return self.tension_um / self.bending_um[1], self.tension_um / self.bending_um[0]
 
 

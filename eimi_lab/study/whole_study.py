@@ -130,7 +130,6 @@ def compute_all(inputs: StudyInputs, parts: StoredParts, report: Callable[[str],
 
 
 def _edges(key: str, kind: str, extent: Extent) -> list[Any]:
-    """Return the simulated measurement of the edges of a specimen as nested lists."""
     return list(measured_edges_mm(key, kind, extent).round(6).tolist())
 
 

@@ -170,7 +170,6 @@ _MPA = "mm, N, MPa, tonne, s"
 
 
 def _rows(constants: CardConstants, length: int) -> list[list[str]]:
-    """Return the formatted constants of a law in rows of at most ``length`` constants."""
     values = [_number(value) for value in constants.constants.values()]
     return [values[i : i + length] for i in range(0, len(values), length)]
 
@@ -192,7 +191,7 @@ def _keyword_card(solver: str, material: Material, advice: str, moduli: str = ""
 
 
 def _terms(series: Prony) -> list[tuple[str, str]]:
-    """Return the formatted relative modulus g and relaxation time tau (in s) of each term of a Prony series."""
+    """Return the relative modulus g and the relaxation time tau (s) of each term of a Prony series, as text."""
     return [(_number(float(g)), _number(float(tau))) for g, tau in zip(series.g, series.tau_s, strict=True)]
 
 
