@@ -169,6 +169,7 @@ def _rejected_value(error: Exception) -> str:
     """Return ", not VALUE" with the value that pydantic rejected, for the end of a message; otherwise ""."""
     from pydantic import ValidationError
 
+    # If typer itself checked the value, the message already contains it.
     return f", not {error.__cause__.errors()[0]['input']}" if isinstance(error.__cause__, ValidationError) else ""
 
 

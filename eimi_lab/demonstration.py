@@ -142,5 +142,6 @@ def _acquire(protocol: Protocol, beam: SpecimenFile, rig: Rig, output: Path, for
 
 def _cast(beam: SpecimenFile, material: str) -> SpecimenFile:
     """Return a copy of a specimen with another material."""
+    # The dataset stores the TOML text of the specimen.
     text = re.sub(r"(?m)^material = .*$", f'material = "{material}"', beam.text)
     return parse(SpecimenFile, text, f"specimen {beam.specimen.name}")

@@ -66,4 +66,5 @@ EXAMPLES = {
 
 def in_help(examples: Sequence[str]) -> str:
     """Return the examples of a command as a text for --help."""
+    # The control character keeps typer from joining the lines.
     return "\b\n" + "\n".join(["Examples:", *(f"  {example}" for example in examples)])

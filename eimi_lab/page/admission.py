@@ -93,6 +93,7 @@ class Admission:
         if scope["type"] == "websocket":
             connect = await receive()
             if refusal is None and await self._is_introduced(receive, send):
+                # `_is_introduced` has already accepted the WebSocket, and the application accepts it again.
                 await self.app(scope, _after(connect, receive), _without_accept(send))
             else:
                 with suppress(RuntimeError, OSError):  # the other side may have left

@@ -85,8 +85,7 @@ class Order:
     """The input files and the options of a run, as texts for the command `eimi acquire`.
 
     `resume` continues an incomplete dataset, `take_over` switches off an output that is on before the run, and `note`
-    is
-    a remark for the dataset.
+    is a remark for the dataset.
     """
 
     protocol: str
@@ -331,6 +330,7 @@ class BenchRun:
                     loop.call_soon_threadsafe(lines.put_nowait, line)
                 loop.call_soon_threadsafe(lines.put_nowait, b"")
 
+        # On Windows, asyncio cannot read a pipe of this kind.
         threading.Thread(target=read, name="events", daemon=True).start()
         while line := await lines.get():
             with suppress(ValueError):  # a killed run leaves an incomplete line

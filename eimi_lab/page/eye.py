@@ -104,6 +104,7 @@ def light(image: NDArray[Any]) -> dict[str, Any]:
     The image of H by W pixels has the shape (H, W), or (H, W, 3) with three colours.
     """
     some = image[::4, ::4] if image.size > 1 << 18 else image
+    # A single saturated channel displaces an edge.
     brightest = some if some.ndim == 2 else some.max(axis=2)
     most = 255.0 if image.dtype == np.uint8 else full_scale(image)
     counts = np.histogram(brightest, bins=BINS, range=(0.0, most))[0]

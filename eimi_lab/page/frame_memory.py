@@ -39,8 +39,7 @@ class NewestFrame:
         The image of H by W pixels, grey or with three colours.
     about : dict
         Number of the load step, set-point (A), measured current (A), whether the output of the supply is on, and rise
-        of
-        the coil's temperature as a share of the allowed rise.
+        of the coil's temperature as a share of the allowed rise.
     kept : int
         1 if the image has every pixel of the frame, 2 if it has every second pixel in both directions, and so on.
     """

@@ -55,6 +55,7 @@ class OpenedEyes:
         """Pass frames and edges to the function `seen` of this object until both processes have ended."""
         frames, edges = self._processes
         finding = asyncio.create_task(self._see(edges))
+        # The process for the frames ends first, after the last frame; then the other process is asked to end.
         await self._see(frames)
         os.close(self._open_while_seen)
         await finding

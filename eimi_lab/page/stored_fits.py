@@ -16,8 +16,7 @@ def summaries(path: Path) -> list[dict[str, Any]]:
     """Return a summary of each fit of a bent beam in a result file, as JSON objects.
 
     A summary contains the modulus and the parameters of the law with their 95 % intervals, the error at every load
-    step,
-    the contributions to the uncertainty, and the reasons to distrust the result.
+    step, the contributions to the uncertainty, and the reasons to distrust the result.
 
     Raises
     ------

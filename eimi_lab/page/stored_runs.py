@@ -107,6 +107,7 @@ def _identity(dataset: Dataset) -> Identity:
     The key consists of the device, the inode number and the start time of the run.
     """
     about = dataset.path.stat()
+    # A new file can get the inode number of a deleted file, but has another start time.
     return about.st_dev, about.st_ino, dataset.start_time().isoformat()
 
 
@@ -133,8 +134,7 @@ def modulus(path: Path, states: int) -> dict[str, Any] | None:
     -------
     dict or None
         The modulus with its 95 % interval (kPa), the main source of its uncertainty, and the distance between the
-        measured
-        and the simulated edges (mm). None if there are too few load steps.
+        measured and the simulated edges (mm). None if there are too few load steps.
 
     Raises
     ------

@@ -52,12 +52,9 @@ class Tab:
     """An open browser tab of the page, with the messages that are not sent to it yet.
 
     ``socket`` is the WebSocket of the tab, and ``name`` identifies the tab. ``frame`` and ``edges`` are the newest
-    frame
-    and edges that are not sent yet. ``stale`` tells whether a new state of the page (run, camera and fit) is not sent
-    yet.
-    ``wake`` is set when there is something to send. ``waiting`` contains two times (s, monotonic clock) of the frame
-    that
-    the tab has not shown yet: when it was sent and when it was captured.
+    frame and edges that are not sent yet. ``stale`` tells whether a new state of the page (run, camera and fit) is not
+    sent yet. ``wake`` is set when there is something to send. ``waiting`` contains two times (s, monotonic clock) of
+    the frame that the tab has not shown yet: when it was sent and when it was captured.
     """
 
     socket: WebSocket
@@ -99,8 +96,7 @@ class Tabs:
     def steered(self, act: Act) -> Callable[[Request], Awaitable[Response]]:
         """Return a function that answers a request with the result of `act`, as JSON.
 
-        `act` receives the JSON object in the body of the request. Only requests of the tab that controls the run are
-        accepted.
+        Only the browser tab that controls the run may send the request. `act` receives the JSON object in the request.
         """
 
         async def answer(request: Request) -> Response:

@@ -42,8 +42,7 @@ class Descriptors:
     """File descriptors that a run inherits from the server of the live web page.
 
     `memory` is the shared memory for the newest frame. `bell` is a pipe that announces new frames. `events` is a pipe
-    for
-    the events of the run.
+    for the events of the run.
     """
 
     memory: int
@@ -125,7 +124,7 @@ class WatchedSupply:
 
     @property
     def without_contact(self) -> str:
-        """State of the coil after the cable to the supply is pulled, in the words of the driver."""
+        """Sentence on whether the coil is on or off after the cable to the supply is pulled."""
         return without_contact(self._supply)
 
     @property
@@ -142,8 +141,7 @@ class WatchedSupply:
         """Return the set-point (A), the measured current (A), whether the output is on, and the heating of the coil.
 
         The heating is the rise of the coil's temperature, divided by the rise at the continuous current of the coil;
-        None
-        without a rating of the coil.
+        None without a rating of the coil.
         """
         heat = self._warming.share(self._clock.now()) if self._warming else None
         return {"set_A": self.set_A, "measured_A": self.measured_A, "on": self.on, "heat_share": heat}

@@ -76,8 +76,7 @@ def publish(
     ------
     InputError
         If a file cannot be read, is a dataset that is still being written, or has the same path in the archive as
-        another
-        file; or if the ending of the name or the licence is wrong.
+        another file; or if the ending of the name or the licence is wrong.
     OSError
         If a file changed while the archive was written, or if the disk is full.
     """

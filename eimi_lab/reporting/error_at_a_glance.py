@@ -24,8 +24,7 @@ def drawn_at_a_glance(leading: Sequence[tuple[DatasetContents, Prediction[ShownF
     """Draw the error at each load step against the magnetic field, with a line for each dataset.
 
     `leading` contains pairs of a dataset and its simulation. The error is the root mean square distance between
-    measured
-    points and simulated edges.
+    measured points and simulated edges.
     """
     drawing = Drawing(2.3, WIDTH_IN)
     axes = drawing.subplots()

@@ -25,8 +25,7 @@ class _Panel:
         Panels are shown in increasing order of this number.
     title, template : str
         Jinja templates, filled with the result of `values`. The filters `figure` and `table` insert a numbered figure
-        or
-        table.
+        or table.
     """
 
     place: int

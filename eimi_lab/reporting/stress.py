@@ -46,8 +46,7 @@ class Mode:
     """A mode of deformation of an incompressible material: uniaxial tension, planar tension or simple shear.
 
     The logarithms of the three principal stretches are r_1 h(e), r_2 h(e) and r_3 h(e): e is the strain, r_i are
-    constant
-    ratios, and h is a function.
+    constant ratios, and h is a function.
 
     Attributes
     ----------

@@ -1,5 +1,7 @@
 """Colours, markers and line styles of all figures of results."""
 
+# This module does not import matplotlib, which loads slowly.
+
 from __future__ import annotations
 
 from typing import Any

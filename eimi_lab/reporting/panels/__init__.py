@@ -1,6 +1,6 @@
-"""The panels of the report, one in each module, shown in increasing order of their number `place`.
+"""The panels (sections) of the report, one in each module, in increasing order of their number `place`.
 
-Panels of the first pages, which can be read alone:
+Panels of the first pages:
 
 first_screen            the result in words, with a picture of the beam and the error by field
 causes                  possible causes of the residuals, with their probabilities
@@ -14,7 +14,7 @@ causes_of_all_fits      causes of the residuals, for all fits except those on th
 law_of_time             viscoelastic (Prony) law: ring-downs, the modulus against time, and creep
 parameter_correlation   correlations between the errors of the fitted unknowns
 stress_strain           stress against strain of each law
-error_boxes             errors of the states, by law and specimen
+error_boxes             errors at the load steps, by law and specimen
 every_fit               the mean error of each fit on each specimen
 convergence             smallest error against generation of each search
 law_stability           the stretch up to which each law is stable
@@ -24,10 +24,8 @@ methods                 a methods paragraph and references
 Panels of each dataset:
 
 what_was_measured       specimen, rig, protocol and date
-contact_sheet           the first frame of each state, and the flags
-error_against_field     error of each fit in each state
+contact_sheet           the first image of each load step, and the defects that checks found
+error_against_field     error of each fit at each load step
 magnified_residuals     residuals of the best fit as arrows on the beam
 residuals_along_beam    residuals of the best fit along the edges
-
-A new module that defines `PANEL` adds a panel. The module `eimi_lab.reporting.panel` describes the fields of a panel.
 """

@@ -49,6 +49,7 @@ def along_beam_mm(edge_mm: Array, points_mm: Array, length_mm: float, rigid_mm: 
     bent = lengths[((points_mm[:, None] - edge_mm) ** 2).sum(axis=-1).argmin(axis=1)]
     soft_mm, from_tip = length_mm - rigid_mm, lengths[-1] - bent
     stretched = bent * soft_mm / max(lengths[-1] - rigid_mm, 1e-9)
+    # The soft part is assumed to be stretched uniformly; the rigid part keeps its length.
     return np.asarray(np.where(from_tip < rigid_mm, length_mm - from_tip, stretched))
 
 
