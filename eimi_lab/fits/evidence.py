@@ -344,7 +344,10 @@ def _widening_mm(dataset: Dataset, edges: Sequence[EdgeSet], index: int) -> floa
 
 
 def _widened(pair: EdgeSet, by_mm: float) -> tuple[Array, Array, Array, Array]:
-    """Return points and standard deviations (mm) of the left edge, then of the right edge, widened by `by_mm`."""
+    """Return points and standard deviations (mm) of the left edge, then of the right edge.
+
+    `by_mm` has been added in quadrature to the standard deviations.
+    """
     left, right = pair.left, pair.right
     return left.points_mm, np.hypot(left.sigma_mm, by_mm), right.points_mm, np.hypot(right.sigma_mm, by_mm)
 

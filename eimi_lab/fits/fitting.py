@@ -26,7 +26,7 @@ def check_models(models: Sequence[str]) -> list[str]:
 
 
 def check_section(section: str | None) -> Section | None:
-    """Return the model of the cross-section with this name; None for None. Raises InputError for an unknown name."""
+    """Return the model of the cross-section with this name; None without a name. Raises InputError if unknown."""
     for name in get_args(Section):
         if section == name:
             return name

@@ -44,7 +44,7 @@ _GRID = 41  # currents among which the states are chosen
 
 @dataclass(frozen=True)
 class Mounting:
-    """The specimen of a planned run, its mounting, and its loads apart from the field.
+    """The specimen of a planned run, the direction of gravity, the weight at the tip, and the signs of the current.
 
     Attributes
     ----------
@@ -313,7 +313,7 @@ def _planned(goal: Goal, mounting: Mounting, rig: Rig, currents_A: Array, states
 
 
 def _in_pairs(criterion: Candidates | Rivals, currents: int) -> Candidates | Rivals:
-    """Return a design criterion in which states at opposite currents are chosen as one pair.
+    """Return a criterion for the choice of states, in which states at opposite currents are chosen as one pair.
 
     `currents` is the number of positive currents; the states are in the order I, then -I. Raises ValueError for fewer
     than two pairs.

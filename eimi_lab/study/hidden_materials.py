@@ -46,7 +46,7 @@ class PowersOfFirstInvariant(_OfOneShape):
     second = 0.05
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Return W and the derivatives ∂W/∂x, ∂W/∂y and ∂²W/∂x², with x = I1 - 3 and y = I2 - 3."""
+        """Return the strain energy W with ∂W/∂x, ∂W/∂y and ∂²W/∂x², where x = I1 - 3 and y = I2 - 3."""
         mu, growth = parameters[..., 0], np.log1p(x / 3)
         terms = list(zip(self.shares, self.powers, strict=True))
         energy = sum(1.5 * m / a * np.expm1(a * growth) for m, a in terms) + self.second * y
@@ -68,7 +68,7 @@ class FadingGent(_OfOneShape):
     lasting, most, fading, rate, second = 0.66, 60.0, 0.26, 6.0, 0.04
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Return W and the derivatives ∂W/∂x, ∂W/∂y and ∂²W/∂x², with x = I1 - 3 and y = I2 - 3."""
+        """Return the strain energy W with ∂W/∂x, ∂W/∂y and ∂²W/∂x², where x = I1 - 3 and y = I2 - 3."""
         mu, jm, room = parameters[..., 0], self.most, np.maximum(self.most - x, 1e-9)
         fade = np.exp(-self.rate * x)
         energy = -0.5 * self.lasting * jm * np.log(room / jm) - 0.5 * self.fading / self.rate * np.expm1(-self.rate * x)

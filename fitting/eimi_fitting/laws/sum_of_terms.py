@@ -46,7 +46,7 @@ _UNUSED_EXPONENT = 2.0  # exponent of an Ogden term with zero modulus; any non-z
 
 @dataclass(frozen=True)
 class Term:
-    """One term of the strain energy of a `SumOfTerms`.
+    """One term of a strain energy: a power of I1 - 3 or I2 - 3, or a term of the Gent, Fung or Ogden law.
 
     Parameters
     ----------
