@@ -641,3 +641,14 @@ def test_a_motion_in_time_needs_plane_stress_and_divides_a_step_at_most_64_times
         motion.advance(1.0, loads)
     assert parts == [1.0, 1 / 2, 1 / 4, 1 / 8, 1 / 16, 1 / 32, 1 / 64]
     assert motion.time_s == 0.0
+
+
+@pytest.mark.parametrize(("reach_mm", "spacing_mm"), [(10.0, 0.5), (40.0, 1.0), (200.0, 2.0)])
+def test_a_coil_loop_may_not_come_closer_than_three_spacings_of_its_table(reach_mm: float, spacing_mm: float) -> None:
+    def table(distance_mm: float) -> FieldTable:
+        centre_mm = (reach_mm + distance_mm + 30.0, 0.0)  # both loops pass x = reach + distance, at y = -10 and y = 10
+        return FieldTable.of_loops(30.0, 20.0, centre_mm, (0.0, 1.0), reach_mm)
+
+    with pytest.raises(ValueError, match="a coil loop of radius 30 mm lies"):
+        table(2.98 * spacing_mm)
+    assert np.isfinite(table(3.02 * spacing_mm).field).all()

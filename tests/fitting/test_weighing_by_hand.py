@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from eimi_fitting.inference.doubts import causes
 from eimi_fitting.inference.doubts.marginal_likelihood import Posterior
 from eimi_fitting.inference.doubts.signatures import Column
 from eimi_fitting.inference.doubts.weighing import Weighing
@@ -258,3 +259,13 @@ def test_causes_of_negligible_size_are_in_no_class(weighing: Any) -> None:
     deviation = np.sqrt(weighing._variance + 0.5 * np.array([1.0, 3.0]))
     assert remaining[0] == pytest.approx(1 / deviation)
     assert remaining[1] == pytest.approx((1 - 0.31 * weighing._rows[4]) / deviation)
+
+
+@pytest.mark.parametrize(("solved", "possible"), [(True, ()), (False, ("a",)), (True, ("a", "b"))])
+def test_without_a_cause_that_changes_the_residuals_the_result_is_empty(monkeypatch, solved, possible):
+    monkeypatch.setattr(causes, "About", SimpleNamespace(of=lambda *_: SimpleNamespace(solved=solved)))
+    monkeypatch.setattr(causes, "columns_of", lambda about, cause: [])
+    found = causes.weighed_causes("problem", "optimum", possible=possible)
+    assert found == causes.Weighed((), frozenset(), {})
+    assert (found.modulus_percent, found.most_probable, found.remaining) == ((0.0, 0.0), frozenset(), None)
+    assert (found.beside_the_fit, found.as_stated) == (0.0, 0.0)
