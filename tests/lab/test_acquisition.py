@@ -50,10 +50,7 @@ def test_a_run_stores_every_state_and_ends_with_the_coil_off(setup: Any) -> None
 
 
 def test_a_colour_camera_settles_and_its_colours_are_stored(setup: Any) -> None:
-    """With a colour camera, a run recognises that the beam is at rest, and stores the colours.
-
-    Two colours are equally bright, so that the noise decides in each frame which colour is the brightest.
-    """
+    # Two colours are equally bright, so that the noise decides in each frame which colour is the brightest.
     grey = setup.camera.draw
 
     def coloured(seed: int, shift_px: float = 0.0) -> np.ndarray:

@@ -20,7 +20,7 @@ Run = Callable[..., tuple[int, str]]
 
 
 def test_files_to_fill_in(run: Run, tmp_path: Path, frame: Callable[..., np.ndarray]) -> None:
-    """Template files are refused until a user fills in their values; an import accepts the completed files."""
+    # Template files are refused until their values are filled in; then an import accepts them.
     for name in ("shot_10.png", "shot_9.png"):
         cv2.imwrite(str(tmp_path / name), frame(9))
     assert run("init", tmp_path) == (0, "")
@@ -55,7 +55,6 @@ def test_files_to_fill_in(run: Run, tmp_path: Path, frame: Callable[..., np.ndar
 
 
 def test_every_commented_key_of_a_template_file_is_valid(tmp_path: Path, run: Run) -> None:
-    """Each commented key in the template files is an optional key, and is valid with the value in the comment."""
     assert run("init", tmp_path)[0] == 0
     for name, load in (("specimen.toml", load_specimen), ("calibration.toml", load_calibration)):
         lines = []

@@ -1,4 +1,4 @@
-"""Each bound of a value in a file holds: the last permitted value is read, and the next one is refused by its key."""
+"""Each bound of a value in a file holds: the last permitted value is read, the next one is refused with its key."""
 
 from __future__ import annotations
 
@@ -279,7 +279,7 @@ DEFAULTS: list[tuple[Any, dict[str, Any]]] = [
 
 @pytest.mark.parametrize(("model", "defaults"), DEFAULTS, ids=[row[0].__name__ for row in DEFAULTS])
 def test_a_key_that_is_left_out_has_its_stated_default(model: Any, defaults: dict[str, Any]) -> None:
-    """These values are those that the reference of the file formats states; existing files rely on them."""
+    # The reference of the file formats states these values, and existing files rely on them.
     if model is Optics:
         assert vars(Optics()) == defaults
     else:
@@ -336,7 +336,7 @@ def test_the_parts_of_a_specimen_fit_together(good: dict[str, Any], bad: dict[st
     ([[0.0, 4.0], [26.0, 2.0], [26.0, 3.5], [30.0, 3.5]], 3.5),
 ])  # fmt: skip
 def test_a_magnet_fits_into_the_narrowest_part_at_its_place(rows: list[list[float]], least: float) -> None:
-    """The magnet is 4 mm long at the tip, from 26 to 30 mm."""
+    # The magnet is 4 mm long at the tip, from 26 to 30 mm.
     specimen({"width_mm": rows}, magnet=Magnet(**A_MAGNET | {"width_mm": least - 0.001}))
     with pytest.raises(ValidationError, match=r"should be at most specimen\.width_mm"):
         specimen({"width_mm": rows}, magnet=Magnet(**A_MAGNET | {"width_mm": least + 0.001}))
@@ -482,7 +482,7 @@ def test_a_calibration_knows_its_field_its_age_and_its_keys() -> None:
 
 
 def test_the_uncertainties_of_a_calibration_are_in_the_units_of_a_fit() -> None:
-    """At 8 px/mm, 0.4 px/mm are 5 %, and 2 px are 0.25 mm; 0.1 mT/A of 4 mT/A are 2.5 %."""
+    # At 8 px/mm, 0.4 px/mm are 5 %, and 2 px are 0.25 mm; 0.1 mT/A of 4 mT/A are 2.5 %.
     stated = {"pixels_per_mm": 0.4, "clamp_midpoint_px": 2.0, "coil_constant_mT_per_A": 0.1, "axis_angle_deg": 0.5}
     made = Calibration(**A_COIL, uncertainty=stated)
     names = keys_of("calibration")
@@ -891,7 +891,7 @@ def test_the_check_digit_of_an_orcid(text: str, form: str | None) -> None:
     ],
 )
 def test_a_true_material_gives_its_series(material: dict[str, Any], g: tuple[float, ...] | None, values: Any) -> None:
-    """h are the ratios to the relaxed modulus; the shares of the instantaneous modulus are h / (1 + sum of h)."""
+    # h are the ratios to the relaxed modulus; the shares of the instantaneous modulus are h / (1 + sum of h).
     made = TrueMaterial(**A_MATERIAL | material)  # type: ignore[arg-type]
     assert made.values == values
     if g is None:

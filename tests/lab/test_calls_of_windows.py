@@ -1,8 +1,6 @@
-"""The functions of Windows are called with the numbers that Microsoft documents.
+"""The functions of Windows are called with the numbers that Microsoft documents."""
 
-The modules are loaded as on Windows, with a library that stores the calls in the place of kernel32.dll. The numbers are
-those of Microsoft's headers winbase.h, winnt.h, jobapi2.h, namedpipeapi.h and sysinfoapi.h.
-"""
+# Headers: winbase.h, winnt.h, jobapi2.h, namedpipeapi.h and sysinfoapi.h.
 
 from __future__ import annotations
 
@@ -24,7 +22,7 @@ HANDLE = 0x1_0000_0010
 
 
 class Function:
-    """A function of kernel32.dll: it stores its arguments, and returns what the test wants."""
+    """A function of kernel32.dll: it records its arguments, and returns what the test wants."""
 
     def __init__(self, name: str, calls: list[tuple[Any, ...]], does: Callable[..., int]) -> None:
         self.name, self.calls, self.does = name, calls, does
@@ -38,7 +36,7 @@ class Function:
 
 
 class Kernel:
-    """The library kernel32.dll; `does` maps the name of a function to what it does, which is to return 0 by default."""
+    """A replacement for kernel32.dll; its functions return 0 unless `does` gives another function."""
 
     def __init__(self) -> None:
         self.calls: list[tuple[Any, ...]] = []
@@ -61,7 +59,7 @@ def kernel() -> Kernel:
 
 @pytest.fixture
 def console() -> SimpleNamespace:
-    """The module msvcrt, with a list of the keys that wait to be read, and a list of the characters that are shown."""
+    """A replacement for the module msvcrt, with the waiting keys and the shown characters."""
     keys: list[str] = []
     shown: list[str] = []
     return SimpleNamespace(
@@ -105,11 +103,9 @@ Load = Callable[[str], ModuleType]
 
 
 def in_a_job(flags: int) -> Callable[..., int]:
-    """Return QueryInformationJobObject for a process in a job with LimitFlags `flags`.
-
-    JOBOBJECT_EXTENDED_LIMIT_INFORMATION has number 9, 144 bytes on 64-bit Windows, and LimitFlags after two times of 64
-    bits.
-    """
+    """Return QueryInformationJobObject for a process in a job with LimitFlags `flags`."""
+    # JOBOBJECT_EXTENDED_LIMIT_INFORMATION has number 9, 144 bytes on 64-bit Windows, and LimitFlags after two times of
+    # 64 bits.
 
     def query(job: object, number: int, limits: Any, size: int, length: Any) -> int:
         assert (job, number, size) == (None, 9, 144)
@@ -126,7 +122,7 @@ def in_a_job(flags: int) -> Callable[..., int]:
 def test_a_process_leaves_its_job_if_the_job_permits_it(
     on_windows: Load, kernel: Kernel, flags: int | None, breaks_away: bool, ended: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """JOB_OBJECT_LIMIT_BREAKAWAY_OK is 0x0800, and JOB_OBJECT_LIMIT_KILL_ON_JOB_CLOSE is 0x2000."""
+    # JOB_OBJECT_LIMIT_BREAKAWAY_OK is 0x0800, and JOB_OBJECT_LIMIT_KILL_ON_JOB_CLOSE is 0x2000.
     monkeypatch.setattr(sys, "_base_executable", sys.executable, raising=False)
     if flags is not None:
         kernel.does["QueryInformationJobObject"] = in_a_job(flags)
@@ -151,7 +147,7 @@ def test_the_interpreter_of_a_virtual_environment_is_started_directly(
 def test_the_starter_of_a_process_is_watched_and_killed(
     on_windows: Load, kernel: Kernel, waited: int, runs: bool
 ) -> None:
-    """WaitForSingleObject returns WAIT_TIMEOUT (0x102) for a process that runs."""
+    # WaitForSingleObject returns WAIT_TIMEOUT (0x102) for a process that runs.
     kernel.does = {"OpenProcess": lambda *_: HANDLE, "WaitForSingleObject": lambda *_: waited}
     starter = on_windows("detached").Starter()
     assert kernel.of("OpenProcess") == [(0x00100000 | 0x0001, False, os.getppid())]  # SYNCHRONIZE, PROCESS_TERMINATE
@@ -167,7 +163,7 @@ def test_a_starter_that_has_ended_already_does_not_run(on_windows: Load, kernel:
 
 
 def test_priority_and_order_of_shutdown(on_windows: Load, kernel: Kernel) -> None:
-    """BELOW_NORMAL_PRIORITY_CLASS is 0x4000; 0x100 is the lowest level, reserved for the last applications."""
+    # BELOW_NORMAL_PRIORITY_CLASS is 0x4000; 0x100 is the lowest level, reserved for the last applications.
     kernel.does = {"GetCurrentProcess": lambda: HANDLE}
     module = on_windows("detached")
     module.give_way(5)
@@ -207,7 +203,7 @@ def test_a_pipe_is_looked_at_until_data_come_or_the_other_end_is_closed(
 
 @pytest.mark.parametrize("is_pipe", [True, False])
 def test_a_pipe_is_set_not_to_wait(on_windows: Load, kernel: Kernel, is_pipe: bool) -> None:
-    """PIPE_NOWAIT is 1."""
+    # PIPE_NOWAIT is 1.
     modes: list[int] = []
 
     def set_state(pipe: Any, mode: Any, collected: object, timeout: object) -> int:
@@ -265,7 +261,7 @@ def test_no_keys_are_read_without_a_console(
 def test_a_handler_of_the_console_is_added_and_acts(
     on_windows: Load, kernel: Kernel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """SetConsoleCtrlHandler adds a handler if its second argument is 1. The handler must stay alive."""
+    # SetConsoleCtrlHandler adds a handler if its second argument is 1. The handler must stay alive.
     slept_s: list[float] = []
     monkeypatch.setattr(time, "sleep", slept_s.append)
     acted: list[str] = []
@@ -280,7 +276,7 @@ def test_a_handler_of_the_console_is_added_and_acts(
 
 
 def test_sleep_is_inhibited_by_two_flags_and_allowed_again(on_windows: Load, kernel: Kernel) -> None:
-    """ES_CONTINUOUS is 0x80000000 and ES_SYSTEM_REQUIRED is 1; ES_CONTINUOUS alone clears the other flag."""
+    # ES_CONTINUOUS is 0x80000000 and ES_SYSTEM_REQUIRED is 1; ES_CONTINUOUS alone clears the other flag.
     module = on_windows("awake")
     with suppress(KeyError), module.kept_awake("a run"):
         assert kernel.of("SetThreadExecutionState") == [(0x80000001,)]
@@ -289,7 +285,7 @@ def test_sleep_is_inhibited_by_two_flags_and_allowed_again(on_windows: Load, ker
 
 
 def test_the_clock_counts_milliseconds_beyond_49_days(on_windows: Load, kernel: Kernel) -> None:
-    """GetTickCount64 returns milliseconds as 64 bits; 32 bits would begin anew after 49.7 days."""
+    # GetTickCount64 returns milliseconds as 64 bits; 32 bits would begin anew after 49.7 days.
     kernel.does["GetTickCount64"] = lambda: (1 << 32) + 2500
     assert on_windows("awake").awake_s() == pytest.approx(4294967.296 + 2.5)
 
@@ -298,7 +294,7 @@ def test_the_clock_counts_milliseconds_beyond_49_days(on_windows: Load, kernel: 
 def test_the_free_memory_is_the_available_physical_memory(
     on_windows: Load, kernel: Kernel, answer: int, free: int
 ) -> None:
-    """MEMORYSTATUSEX has 64 bytes: two numbers of 32 bits, then ullTotalPhys and ullAvailPhys of 64 bits."""
+    # MEMORYSTATUSEX has 64 bytes: two numbers of 32 bits, then ullTotalPhys and ullAvailPhys of 64 bits.
 
     def status(reference: Any) -> int:
         place = ctypes.addressof(reference._obj)
@@ -318,7 +314,7 @@ def test_the_free_memory_is_the_available_physical_memory(
 def test_a_process_that_crashed_has_read_a_damaged_file(
     on_windows: Load, monkeypatch: pytest.MonkeyPatch, status: int, crashed: bool
 ) -> None:
-    """NTSTATUS numbers of errors begin with 0xC ([MS-ERREF], Microsoft); 0xC0000005 is an access violation."""
+    # NTSTATUS numbers of errors begin with 0xC ([MS-ERREF], Microsoft); 0xC0000005 is an access violation.
     given: dict[str, Any] = {}
 
     def run(command: list[str], **options: Any) -> SimpleNamespace:
@@ -336,7 +332,7 @@ def test_a_process_that_crashed_has_read_a_damaged_file(
 
 
 def test_closing_the_console_interrupts_and_then_terminates(on_windows: Load, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The last signal of `TERMINATION` comes first; the first one follows in time before Windows ends the process."""
+    # The last signal of `TERMINATION` comes first; the first one follows in time before Windows ends the process.
     done: list[object] = []
     module = on_windows("stopping")
     monkeypatch.setattr(module, "TERMINATION", (15, 21))

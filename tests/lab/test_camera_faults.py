@@ -1,7 +1,4 @@
-"""If a camera returns no image, or an image of another size or type than before, the run ends with the coil off.
-
-The error is one line of text. Frames whose number does not increase are reported as duplicates.
-"""
+"""If a camera returns no image, or an image of another size or type, the run ends with the coil off."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""The command line prints one line for every mistake of a user, and its exit status shows the kind of the mistake.
-
-Further tests run commands that need no measurement, such as --help and --version.
-"""
+"""The command line prints one line for every mistake of a user; the exit status shows the kind of the mistake."""
 
 from __future__ import annotations
 

@@ -1,10 +1,9 @@
-"""The calibration that follows from clicks on a photograph, compared with numbers that were computed by hand.
+"""The calibration from clicks on a photograph agrees with calculations by hand."""
 
-The picture has 4000 x 3000 px, so that a click is uncertain by 4e-4 times the diagonal: 2 px. The ticks of the ruler
-are 2000.1 px and 50 mm apart, so that the scale is 40.002 px/mm and a lens with a focal length of 6000 px is 150.0 mm
-away. The near face of the beam is 3 mm nearer to the lens than the ruler, so that its points move by 3 / 150.0 towards
-the middle (1999.5, 1499.5) of the picture.
-"""
+# The picture has 4000 x 3000 px: a click is uncertain by 4e-4 times the diagonal, 2 px. The ticks of the ruler are
+# 2000.1 px and 50 mm apart: 40.002 px/mm. A lens with a focal length of 6000 px is 150.0 mm away. The near face of the
+# beam is 3 mm nearer to the lens than the ruler: its points move by 3 / 150.0 towards the middle (1999.5, 1499.5) of
+# the picture.
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""The current of a coil follows its ramps, and a wrong current is detected at the right time.
-
-The tests run in simulated time on a replacement for a supply, whose measured currents are prepared.
-"""
+"""The current of a coil follows its ramps, and a wrong current is noticed at the right time."""
 
 from __future__ import annotations
 
@@ -22,10 +19,9 @@ RULE = Ramp(rate_A_per_s=0.5, step_A=0.1, tolerance_A=0.02, down_within_s=2.0)
 
 
 class Supply:
-    """A replacement for a supply in simulated time, whose measured currents are prepared.
+    """A replacement for a supply in simulated time.
 
-    exchange_s: time that each set-point takes (s). meter: function from set-point (A) and time (s) to the measured
-    current (A).
+    exchange_s: time of each set-point (s). meter: function from set-point (A) and time (s) to the measured current (A).
     """
 
     limits = Limits(2.0, 10.0)
@@ -157,10 +153,7 @@ def test_swapped_leads_change_the_sign_of_every_current() -> None:
 
 
 def watched(supply: Supply, coil: Coil, seconds: float, **options: Any) -> list[float]:
-    """Let a run watch its coil for some seconds; return the times (s) at which it measured the current.
-
-    options: arguments of `Coil.watch`.
-    """
+    """Let a run watch its coil for some seconds; return the times (s) at which the current was measured."""
     supply.measured_s.clear()
     supply.checked_s.clear()
     for _ in range(round(seconds / 0.1)):

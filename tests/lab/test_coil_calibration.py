@@ -68,7 +68,6 @@ def test_thermometers_are_measured_at_rest_before_the_coil_is_heated(
 
 
 def test_a_real_coil_is_opened_with_its_rig_and_its_events(monkeypatch: pytest.MonkeyPatch) -> None:
-    """For a calibration, the coil of a real supply is opened in the same way as for a run, and closed at the end."""
     rig, events, done = load_rig("bench_example"), list[Event](), list[object]()
 
     @contextmanager

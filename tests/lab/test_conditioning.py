@@ -1,4 +1,4 @@
-"""Conditioning cycles, which bend the beam before a run, have the right currents, stored frames and messages."""
+"""Conditioning cycles (bending before a run) have the right currents, stored frames and messages."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def add_to_protocol(setup: Any, line: str) -> None:
 
 
 def reached(setup: Any) -> list[float]:
-    """Return a list that collects the set-points (A) of the supply from now on, without repetitions."""
+    """Return a list that collects the set-points (A) from now on, without repetitions."""
     history: list[float] = []
     take = setup.coil.set_current
 
@@ -41,7 +41,7 @@ def reached(setup: Any) -> list[float]:
 
 
 def softening(draw: Callable[..., np.ndarray], history: list[float]) -> Callable[..., np.ndarray]:
-    """Return a function that draws a beam that softens: after the first cycle its tip moves 2 px farther at 0.3 A.
+    """Return a function that draws a beam whose tip moves 2 px farther at 0.3 A after the first cycle.
 
     history: the set-points (A) so far.
     """

@@ -1,7 +1,4 @@
-"""The TOML files that the program contains are read without an error; the currents in them have no rounding errors.
-
-A mistake in a TOML file gives an error message of one line.
-"""
+"""The TOML files of the program are valid; a mistake in a TOML file gives an error of one line."""
 
 from __future__ import annotations
 

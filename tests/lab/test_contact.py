@@ -1,9 +1,4 @@
-"""A run notices and reports the failure of its supply, the loss of the connection, and signals.
-
-A run soon detects that the supply is off or does not reply. A dry run and the dataset state what the output of the
-supply does if the connection is lost. A signal of the operating system, such as SIGINT by Ctrl-C, gives a message: the
-run refuses to be suspended by Ctrl-Z, and ends after other signals with the coil off.
-"""
+"""A run notices and reports the failure of its supply, the loss of the connection, and signals."""
 
 from __future__ import annotations
 
@@ -122,7 +117,6 @@ def test_a_second_ctrl_c_leaves_out_the_ramp(setup: Any) -> None:
 
 
 def test_two_signals_while_a_state_is_stored_switch_off_first(setup: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """After two signals while a state is stored, the coil is switched off, and then the state is stored completely."""
     still_on: list[bool] = []
 
     def slow(column: h5py.Dataset, rows: Any) -> None:

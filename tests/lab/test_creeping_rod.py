@@ -1,7 +1,4 @@
-"""The computed motion of a creeping rod agrees with the solution of its equations of motion in time.
-
-`CreepingRod` computes the slow creep and the vibration separately, and adds them.
-"""
+"""The computed motion of a creeping rod agrees with the solution of its equations of motion in time."""
 
 from __future__ import annotations
 
@@ -50,10 +47,7 @@ def test_small_vibrations_and_creep_are_those_of_the_motion_in_time() -> None:
 
 
 def analysed(places_mm: np.ndarray, times_s: np.ndarray) -> Decay:
-    """Return the decay of the vibrations that the program finds in the positions of points, with a little noise added.
-
-    places_mm: the positions of points on the beam in mm, shape (frames, points, 2).
-    """
+    """Return the decay of the vibrations in noisy positions of points, shape (frames, points, 2) in mm."""
     noisy = places_mm + 1e-3 * np.random.default_rng(1).standard_normal(places_mm.shape)
     time_s = np.repeat(times_s[:, None], places_mm.shape[1], axis=1)
     motion = Motion("creep", noisy, 0 * noisy[0], time_s, np.full(time_s.shape, 1e-3))

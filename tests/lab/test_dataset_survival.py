@@ -54,10 +54,9 @@ except StorageFailed as error:
 
 
 def write_until_full(folder: Path, size: int, states: int = 8, settling: int = 0) -> tuple[int, str]:
-    """Write states to a file that must not become larger than `size` bytes, as on a full disk.
+    """Write states to a file of at most `size` bytes; return the number of reported states and the text on stderr.
 
-    Return the number of states that were reported as stored, and the text on stderr. states: number of states that the
-    process tries to write. settling: number of frames in each state while the beam settles.
+    settling: number of frames in each state before the beam is at rest.
     """
     command = [sys.executable, "-c", WRITE_UNTIL_FULL, str(folder), *map(str, (size, states, settling))]
     done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
@@ -92,7 +91,7 @@ def test_a_full_disk_costs_no_stored_state(files: Path, size: int, settling: int
 
 
 def crashed(files: Path) -> Path:
-    """Return the path of a dataset that its writer never closed, with at least two states (load steps)."""
+    """A dataset with at least two states (load steps) that its writer never closed."""
     assert write_until_full(files, 70_000)[0] > 1
     return files / "run.h5"
 

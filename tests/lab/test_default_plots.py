@@ -24,10 +24,7 @@ def default_plot(path: Path) -> tuple[str, dict[str, Any]]:
 
 
 def put_edges(path: Path) -> None:
-    """Store edges of a hanging beam of 10 mm in a dataset; in each state, the tip is 1 mm farther right than before.
-
-    The last state gets no edges.
-    """
+    """Store edges of a beam of 10 mm in all states but the last; the tip moves 1 mm to the right in each state."""
     along = np.linspace(0.5, 10, 20)
     with open_dataset(path) as dataset:
         states = len(dataset.states)

@@ -1,4 +1,4 @@
-"""A figure is turned into the bytes of image files (SVG, PNG); each file is drawn once."""
+"""A figure is turned into SVG and PNG files; each file is drawn once."""
 
 from __future__ import annotations
 
@@ -36,7 +36,6 @@ def test_each_file_of_a_figure_is_drawn_once_and_the_layout_is_computed_once(mon
 
 
 def test_the_pictures_of_a_panel_are_encoded_when_the_panel_is_drawn() -> None:
-    """The pictures of a panel, a part of the report, are encoded as soon as the panel is drawn."""
     drawing = Drawing(2.0, 3.0)
     drawing.subplots()
     picture = Picture("one", drawing, "alternative", "caption")

@@ -152,10 +152,7 @@ INTERLOCK = Interlock(reading="coil_voltage_V", maximum=8.0)
 
 
 def long_run(setup: Any) -> tuple[list[str], list[str]]:
-    """Return the printed steps and the details of a dry run, each as a list of lines.
-
-    The protocol has ten states and uses every kind of step that a protocol can contain.
-    """
+    """Return the steps and the details of the dry run of a protocol with ten states and every kind of step."""
     setup.protocol = parse(Protocol, LONG + setup.protocol.text.replace("stop_A = 0.3", "stop_A = 0.9"), "p")
     setup.rig = setup.rig.model_copy(update={"interlocks": (INTERLOCK,)})
     steps: list[str] = []
@@ -192,11 +189,7 @@ def test_the_steps_of_a_long_run_are_summarised(setup: Any) -> None:
 
 
 def test_a_dry_run_prints_the_durations_with_a_beam_at_rest_and_with_a_beam_that_never_rests(setup: Any) -> None:
-    """A dry run prints the duration for a beam that is at rest at once, and for a beam that never comes to rest.
-
-    For a beam that never rests, the wait takes 5 s instead of 0.02 s in each of ten states, and for each of the four
-    frames of the conditioning (cycles of the current before the first state).
-    """
+    # If the beam never rests, each wait takes 5 s and not 0.02 s, in ten states and in four frames of the conditioning.
     steps, _ = long_run(setup)
     durations = re.fullmatch(
         r"duration: (\d+) s if the beam is at rest at once, (\d+) s if it never comes to rest", steps[-1]
@@ -208,10 +201,7 @@ def test_a_dry_run_prints_the_durations_with_a_beam_at_rest_and_with_a_beam_that
 
 
 def test_the_camera_of_a_dry_run_shows_a_beam_at_rest_with_noise() -> None:
-    """The frames of a dry run show a beam at rest with noise, so that they look like frames of a real camera.
-
-    The standard deviation of the noise is 2 grey levels.
-    """
+    # The standard deviation of the noise is 2 grey levels.
     clock = SimulatedClock()
     camera = _BeamAtRest(clock)
     began_s = clock.now()

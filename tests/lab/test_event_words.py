@@ -1,7 +1,4 @@
-"""Each event of a run is described by the right sentence, which is passed to the right function.
-
-The function `report` receives the sentence about each state. The function `remark` receives all other sentences.
-"""
+"""Each event of a run is described by the right sentence, which is passed to the right function."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""A run sends an event at its beginning and one at its end, and logs every event.
-
-The first event states the facts of the run, such as its states and currents. The last event states how the run ended.
-"""
+"""A run sends an event at its beginning and one at its end, and logs every event."""
 
 from __future__ import annotations
 

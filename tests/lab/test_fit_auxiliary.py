@@ -1,7 +1,4 @@
-"""`eimi fit` uses tensile curves and freed inputs, and refuses wrong data or stores a doubt (warning).
-
-A freed input is an uncertain value of the bench that the fit estimates together with the law.
-"""
+"""`eimi fit` uses tensile curves and freed inputs (uncertain values that it estimates), and refuses wrong data."""
 
 from __future__ import annotations
 
@@ -45,16 +42,16 @@ REST_MM = np.column_stack([np.linspace(5, 29, 9), np.zeros(9)])
 
 @cache
 def bent_places() -> np.ndarray:
-    """Return nine noisy points on a silicone beam under each of three tip forces: x and y in mm, shape (3, 9, 2)."""
+    """Return nine noisy points on a silicone beam under three tip forces, x and y in mm, shape (3, 9, 2)."""
     model = BeamModel(Specimen(30.0, 3.0, 10.0, 1070.0, "plane-strain")).refined()
     shapes = model.solve(LAWS["neo-hookean"], np.array([[46e3]]), Loads.along([0.0] * 3, 90.0, 90.0, FORCES_N))
     return model.positions(shapes, REST_MM)[0] + np.random.default_rng(0).normal(0, 0.005, (3, 9, 2))
 
 
 def write_points(folder: Path, change=lambda places: places) -> None:
-    """Write states.csv, points.csv and strip.toml of a horizontal silicone strip under three tip forces.
+    """Write states.csv, points.csv and strip.toml of a silicone strip under three tip forces.
 
-    change: function that alters the coordinates of the points, shape (3, 9, 2): states, points, x and y in mm.
+    change: function that alters the points, shape (3, 9, 2) in mm.
     """
     places = change(bent_places().copy())
     rows = [
@@ -69,7 +66,7 @@ def write_points(folder: Path, change=lambda places: places) -> None:
 
 
 def import_points(folder: Path, run, name: str = "strip.h5", **options) -> None:
-    """Write the files of a silicone strip under three forces, and import them as the dataset `name`."""
+    """Import a silicone strip under three forces as the dataset `name`."""
     write_points(folder, **options)
     tables = ("--states", folder / "states.csv", "--specimen", folder / "strip.toml", "--gravity-angle", "90")
     status, message = run("import", folder / "points.csv", *tables, "-o", folder / name)
@@ -112,7 +109,7 @@ def test_fits_json_contains_a_tensile_curve_and_a_freed_roll_angle(tmp_path: Pat
 
 
 def curve_of_46_kPa(unit: str) -> str:
-    """Return a tensile curve as CSV text: stresses in kPa for the shear modulus 46 kPa, with `unit` in the header."""
+    """Return a tensile curve of a material of 46 kPa as CSV text, with `unit` in the header."""
     rows = [f"{e},{46 * (1 + e - (1 + e) ** -2) + 0.3 * (-1) ** k}" for k, e in enumerate(np.linspace(0.01, 0.5, 40))]
     return "\n".join([f"strain,stress_{unit}", *rows]) + "\n"
 
@@ -174,10 +171,7 @@ def test_a_law_with_too_few_data_has_no_weight_in_the_table() -> None:
 
 
 def test_an_undetermined_parameter_is_marked_wherever_it_is_shown(tmp_path: Path, run) -> None:
-    """A parameter that the data do not determine is marked on every material card and wherever the fit is printed.
-
-    These places are stderr, the notebook's table, pandas and the report.
-    """
+    # These places are stderr, the notebook's table, pandas and the report.
     import_points(tmp_path, run, change=lambda places: 1.005 * places)
     fits = tmp_path / "fits.json"
     assert run("fit", tmp_path / "strip.h5", "--model", "mooney-rivlin", "-o", fits)[0] == 0
@@ -256,10 +250,7 @@ def test_wrong_nuisances_and_curves_are_refused_in_one_line(
 
 
 def garbled_state(places):
-    """Return tracked points in which the last state has the coordinates of the first state.
-
-    places: x and y of n points in three states, shape (3, n, 2).
-    """
+    """Return points, shape (3, n, 2), in which the last state is a copy of the first state."""
     return np.concatenate([places[:2], places[:1]])
 
 

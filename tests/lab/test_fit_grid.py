@@ -1,7 +1,4 @@
-"""A grid of fits (several laws and seeds) has the same result with any number of worker processes.
-
-This is also the case if processes are killed.
-"""
+"""Fits of several laws and seeds have the same result with any number of worker processes, also if some are killed."""
 
 from __future__ import annotations
 
@@ -50,7 +47,7 @@ ONE_THREAD = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 @pytest.fixture(scope="module")
 def beams(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with two datasets of one beam of known modulus, with tracked points and different noise."""
+    """A folder with two datasets of one beam of known modulus, with different noise."""
     folder = tmp_path_factory.mktemp("beams")
     text = load_specimen("type1").text.replace(
         'section = "solid"', 'section = "plane-stress"'
@@ -169,7 +166,7 @@ def test_a_grid_ends_if_its_workers_always_die() -> None:
 
 @pytest.fixture
 def dask() -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
-    """Start a local Dask scheduler with two workers; yield its address and the processes of the workers."""
+    """Start a local Dask scheduler with two workers; yield its address and the worker processes."""
     pytest.importorskip("distributed", reason="needs dask.distributed: pip install 'eimi-lab[cluster]'")
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
@@ -336,10 +333,7 @@ def test_a_checkpoint_that_cannot_be_resumed_is_refused_in_one_line(beams: Path,
 
 
 def test_a_checkpoint_of_another_processor_is_resumed(beams: Path, tmp_path: Path, run: Run) -> None:
-    """A fit continues from a checkpoint (the log of an interrupted fit) whose last digits differ.
-
-    Another processor, on which the log was written, rounds differently.
-    """
+    # Another processor rounds differently: the last digits in the checkpoint (the log of an interrupted fit) differ.
     log, output = tmp_path / "log.jsonl", tmp_path / "fits.json"
     fit = ["fit", beams / "first.h5", "--model", "neo-hookean", "-o", output, "--checkpoint", log]
     assert run(*fit)[0] == 0

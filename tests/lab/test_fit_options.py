@@ -1,4 +1,4 @@
-"""One additional field in the class of the options adds an option of `eimi fit` to command line, checkpoint and fit."""
+"""A further field of the options class adds an option of `eimi fit` to command line, checkpoint and fit."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from eimi_lab.process.errors import InputError
 
 @dataclass(frozen=True)
 class MoreOptions(FitOptions):
-    """The options of `eimi fit` with one more field, as a developer would add it."""
+    """The options of `eimi fit` with one more field."""
 
     population: Annotated[int, typer.Option(help="of the search", min=2)] = 8
 
@@ -29,7 +29,7 @@ received: list[MoreOptions] = []
 
 @with_fields(MoreOptions)
 def command(output: Output, options: MoreOptions, again: bool = False) -> None:
-    """A replacement for `eimi fit`; it records the options that the command line passes to it."""
+    """A replacement for `eimi fit`, which records its options."""
     received.append(options)
 
 

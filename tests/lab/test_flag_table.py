@@ -1,8 +1,6 @@
-"""Every flag (warning about edges) has the right limits, severities, and contribution to the standard deviation.
+"""Every flag (warning about edges) has the right limits, severities, and contribution to the standard deviation."""
 
-This file repeats the rows of the table of flags. A test therefore fails for a new flag until its row is added here.
-`docs/why/edges.md` gives the sources of the limits.
-"""
+# This file repeats the table of flags; `docs/why/edges.md` gives the sources of the limits.
 
 from __future__ import annotations
 
@@ -17,11 +15,10 @@ from eimi_lab.vision.flags import CHECKS, judge
 
 
 class Row(NamedTuple):
-    """A row of the table of quality checks: a warning, and the limits of the measured value.
+    """A row of the table of flags: a warning, and the limits of the measured value.
 
-    severity: severity of a value beyond `limit`. unusable: a second limit, beyond which a state is unusable. below:
-    whether small values get the warning, instead of large ones. adds: a value that makes a state doubtful, the standard
-    deviation that it adds to the points, and the unit.
+    severity: severity beyond `limit`. unusable: limit beyond which a state is unusable. below: whether small values get
+    the warning. adds: a doubtful value, the standard deviation that it adds to the points, and the unit.
     """
 
     name: str
@@ -123,10 +120,7 @@ def test_a_doubtful_value_adds_its_deviation_to_the_points(finding: str) -> None
 
 
 def test_a_deviation_grows_with_its_value() -> None:
-    """The standard deviation that a flag adds to the edge points never falls as the value moves past its limit.
-
-    A flag is a warning about the edges, which a measured value beyond its limit raises.
-    """
+    # The standard deviation that a flag adds never falls as the value moves past its limit.
     for check in CHECKS:
         if check.widens is None:
             continue

@@ -1,7 +1,4 @@
-"""A run sends the right messages to its guardian, and reports a guardian that does not answer.
-
-The guardian is the process that switches the coil off if the run dies. The tests replace this process.
-"""
+"""A run sends the right messages to its guardian, the process that switches the coil off, and notes its silence."""
 
 from __future__ import annotations
 
@@ -23,10 +20,7 @@ WARD = Ward("korad", "COM3", 1.5, 12.0, off_below_A=0.03)
 
 
 class Process:
-    """A replacement for the guardian, the process that switches the coil off if a run dies.
-
-    The test reads the messages of the run, and writes the answers.
-    """
+    """A replacement for the guardian process; the test reads the messages of the run, and writes the answers."""
 
     def __init__(self) -> None:
         heard, to = os.pipe()

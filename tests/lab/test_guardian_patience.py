@@ -1,8 +1,4 @@
-"""The guardian takes over from a run at the right time, and attempts to switch the coil off for the right duration.
-
-The guardian is the process that switches the coil off if the run dies. The clock of these tests advances only while the
-guardian waits.
-"""
+"""The guardian (the process that switches the coil off) takes over, and ends its attempts, at the right time."""
 
 from __future__ import annotations
 
@@ -65,10 +61,7 @@ WARD = Ward("korad", "/dev/nowhere", 1.0, 10.0)
 
 
 class Passing:
-    """A clock that replaces the module `time`; it advances only while the guardian sleeps or waits.
-
-    The guardian is the process that switches the coil off if a run dies.
-    """
+    """A clock that replaces the module `time`; it advances only while the guardian process waits."""
 
     def __init__(self) -> None:
         self.now_s = 1000.0
@@ -88,10 +81,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Passing:
 
 
 class Run:
-    """A run that sends messages at given times to its guardian.
-
-    The guardian is the process that switches the coil off if a run dies.
-    """
+    """A run that sends messages to its guardian process at given times."""
 
     def __init__(self, clock: Passing, monkeypatch: pytest.MonkeyPatch) -> None:
         self._clock, self._began_s = clock, clock.now_s
@@ -118,10 +108,9 @@ class Run:
         return False
 
     def decided(self, *messages: tuple[float, bytes]) -> tuple[Takeover | None, Ward, float]:
-        """Return why the guardian takes over from a run, for which supply, and when (s).
+        """Return why the guardian process takes over (None after a normal end), for which supply, and when (s).
 
-        The reason is None if the run ended with the coil off. The guardian is the process that switches the coil off if
-        a run dies. messages: pairs of time (s) and message.
+        messages: pairs of time (s) and message.
         """
         self._due = list(messages)
         takeover, ward = _wait_until_needed(WARD)
@@ -190,10 +179,7 @@ def test_the_guardian_switches_off_the_supply_that_the_run_named(run: Run) -> No
 
 
 class Attempts:
-    """A replacement for the function that tries to switch the coil off.
-
-    errors: exceptions of the first calls. succeed: whether later calls succeed.
-    """
+    """A replacement for the function that switches the coil off: it raises `errors` first, then may succeed."""
 
     def __init__(self, clock: Passing, *errors: Exception, succeed: bool) -> None:
         self._clock, self._errors, self._succeed = clock, errors, succeed
@@ -213,7 +199,7 @@ class Attempts:
 
 
 class Process:
-    """A replacement for the process of a run; it records how often the run is killed."""
+    """A replacement for the process of a run, which records how often it is killed."""
 
     def __init__(self) -> None:
         self.killed = 0
@@ -228,10 +214,7 @@ class Process:
 def switched_off(
     monkeypatch: pytest.MonkeyPatch, attempts: Attempts, takeover: Takeover
 ) -> tuple[list[tuple[float, Event]], Process]:
-    """Let the guardian process switch the coil off; return the events of the guardian and the process of the run.
-
-    Each event has its time (s). takeover: the reason for which the guardian takes over from the run.
-    """
+    """Let the guardian process switch the coil off; return its events with times (s), and the process of the run."""
     monkeypatch.setattr(guardian_process, "_try_once", attempts)
     events: list[tuple[float, Event]] = []
     process = Process()
@@ -351,7 +334,7 @@ def test_a_failed_stage_is_forgiven_only_if_the_output_is_off_in_the_end(
 
 
 class Recorder:
-    """A replacement for the guardian (the process that switches the coil off if a run dies); it records the calls."""
+    """A replacement for the guardian process, which records its calls."""
 
     def __init__(self) -> None:
         self.calls: list[str] = []
@@ -403,10 +386,7 @@ def test_a_current_that_the_run_cannot_stop_is_reported_and_left_to_the_guardian
 
 
 class Surroundings:
-    """Replacements for the parts of the system that the guardian uses; `done` lists the calls of the guardian in order.
-
-    The guardian is the process that switches the coil off if a run dies.
-    """
+    """Replacements for parts of the system; `done` lists the calls of the guardian process in order."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, takeover: Takeover | None, ends_with_others: bool) -> None:
         self.done: list[object] = []

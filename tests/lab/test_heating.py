@@ -93,11 +93,8 @@ def test_a_protocol_without_current_is_hottest_at_the_beginning() -> None:
 
 
 def test_the_heat_of_a_run_follows_the_current_that_flows() -> None:
-    """After each step of the current I, the heat h agrees with the solution of τ dh/dt = I² − h.
-
-    τ is the thermal time constant of the coil. h, in A², is the square of the constant current that would warm the coil
-    as much.
-    """
+    # The heat h solves τ dh/dt = I² − h; I is the current, τ the thermal time constant of the coil, and h (A²) the
+    # square of the constant current that would warm the coil as much.
     warming = Warming(CoilRating(continuous_current_A=2.0, thermal_time_constant_s=100.0))
     assert warming.share(5.0) == 0.0
     warming.flows(1000.0, 3.0)

@@ -1,7 +1,4 @@
-"""A run that gets a signal, loses its guardian process or ends makes the right calls in the right order.
-
-The guardian is the process that switches the coil off if the run dies.
-"""
+"""A run that gets a signal, loses its guardian process or ends makes the right calls in the right order."""
 
 from __future__ import annotations
 
@@ -49,7 +46,7 @@ OFF = Off(0.001, 0.02)
 
 
 class Recorder:
-    """A replacement for a coil, or for the process that switches coils off; it appends its calls to a list.
+    """A replacement for a coil or for its guardian process, which records its calls.
 
     errors: the error that a method raises, by its name.
     """
@@ -86,7 +83,7 @@ class Heeding:
         self.heeded = heeded(self.did, self.coil, self.guardian)
 
     def done(self) -> list[Any]:
-        """Return the recorded calls, and the types of the events, since the last call of this method."""
+        """Return the calls, and the types of the events, since the last call of this method."""
         new = [type(one) if isinstance(one, Event) else one for one in self.did]
         self.did.clear()
         return new
@@ -180,10 +177,7 @@ def test_a_wrong_current_while_a_state_is_stored_switches_off_and_ends_the_run_a
 
 
 def ended(run: Heeding, **errors: Exception) -> list[Any]:
-    """End a run in which the calls of the coil raise `errors`; return the recorded calls and events.
-
-    errors: the error of each call, by the name of the method.
-    """
+    """End a run in which the calls of the coil raise `errors`, by method; return the calls and events."""
     run.coil.errors.update(errors)
     ramp_down_and_switch_off(run.coil, run.guardian, on_event=run.did.append)
     return run.done()
@@ -257,7 +251,7 @@ def test_a_driver_of_an_installed_package_is_not_sent() -> None:
 
 
 class Sensor:
-    """A sensor with prepared readings; None among the readings means that the sensor does not answer."""
+    """A sensor with prepared readings; None means that the sensor does not answer."""
 
     def __init__(self, unit: str, *values: float | None) -> None:
         self.unit, self.values = unit, list(values)
@@ -273,7 +267,7 @@ class Sensor:
 
 
 def sensing(*sensors: tuple[str, str, Sensor]) -> tuple[Sensing, SimulatedClock, list[str]]:
-    """Return a reader of sensors, its clock, and the list of its warnings and signs of life ("beat").
+    """Return a reader of sensors, its clock, and its warnings and signs of life ("beat").
 
     sensors: name, measured quantity and replacement of each sensor.
     """
@@ -324,7 +318,7 @@ def test_sensors_are_described_before_a_run_and_have_the_unit_of_their_quantity(
 
 
 class Traced:
-    """An instrument whose calls are recorded as texts in the list `did`, without repetitions."""
+    """An instrument that records its calls as texts in the list `did`, without repetitions."""
 
     def __init__(self, real: Any, name: str, did: list[str], left_out: tuple[str, ...] = ()) -> None:
         self._real, self._name, self._did, self._left_out = real, name, did, left_out
@@ -345,10 +339,8 @@ class Traced:
 
 
 def test_the_calls_of_a_run_are_in_this_order(setup: Any) -> None:
-    """The output is on only while the guardian process is ready to switch it off.
-
-    In each state, the run waits for rest, checks the current, takes frames and stores them, in this order.
-    """
+    # The output is on only while the guardian process is ready to switch it off. In each state, the run waits for rest,
+    # checks the current, takes frames and stores them.
     did: list[str] = []
     recorder = Recorder([], "guardian")
     air = OpenSensor(
@@ -381,10 +373,7 @@ def test_the_calls_of_a_run_are_in_this_order(setup: Any) -> None:
 
 
 def test_lost_frames_are_reported_with_the_state_in_which_they_were_lost(setup: Any) -> None:
-    """A message names the states in which the camera lost frames.
-
-    The camera loses one frame before the first state, two frames in state 1, and one frame in state 2.
-    """
+    # The camera loses one frame before the first state, two frames in state 1, and one frame in state 2.
     lost = setup.camera.lost_frames = Counter({"late": 1})
     did: list[Any] = []
 
@@ -505,7 +494,6 @@ def test_the_error_about_a_missing_instrument_lists_the_attached_instruments(mon
 def test_a_calibration_reads_the_field_at_rest_and_ends_with_the_coil_off(
     setup: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A calibration of the coil reads the field at constant currents, and ends with the coil off."""
     did: list[str] = []
     clock, coil = setup.bench.clock, setup.coil
     coil.current_noise_A = 0.0

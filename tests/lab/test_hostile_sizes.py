@@ -1,4 +1,4 @@
-"""Small files that demand too much of a computer are refused: depth of nesting, digits, memory, processor time."""
+"""Small files that demand too much memory, processor time, depth of nesting or digits are refused."""
 
 from __future__ import annotations
 
@@ -123,10 +123,7 @@ def test_the_free_memory_comes_from_the_system_or_is_assumed(monkeypatch: pytest
 
 
 def test_a_limit_of_memory_that_the_system_refuses_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    """If the system refuses a limit of the memory with ValueError, the program continues without this limit.
-
-    macOS refuses every limit of the address space (python/cpython issue 78783).
-    """
+    # macOS refuses every limit of the address space (python/cpython issue 78783).
     resource = pytest.importorskip("resource", reason="Windows has no limits of this kind")
 
     def refuse(which: int, limit: tuple[int, int]) -> None:
@@ -154,7 +151,6 @@ def test_a_slow_recovery_does_not_report_the_file_as_damaged(
 
 
 def test_a_sound_file_is_recovered_where_memory_is_limited_already(dataset: Path, tmp_path: Path) -> None:
-    """A good file is recovered also under a hard limit of the memory, as a batch system sets it."""
     resource = pytest.importorskip("resource")
     most = 3 << 30
     command = [sys.executable, "-m", "eimi_lab", "recover", str(dataset), "-o", str(tmp_path / "out.h5")]

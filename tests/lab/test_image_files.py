@@ -1,4 +1,4 @@
-"""Image files of cameras and phones are read or refused: complete, truncated, rotated and in several formats."""
+"""Image files of cameras and phones are read or refused: complete, truncated, rotated, in several formats."""
 
 from __future__ import annotations
 
@@ -60,7 +60,6 @@ def test_a_jpeg_whose_pixels_are_damaged_is_refused_and_nothing_else_is_printed(
 
 
 def test_a_heic_picture_is_read_as_the_same_jpeg(tmp_path: Path) -> None:
-    """A HEIC picture, the default of an iPhone, is read with its orientation and Exif data like a JPEG."""
     pillow_heif = pytest.importorskip("pillow_heif")
     pillow_heif.register_heif_opener()
     pixels = np.full((96, 128, 3), 200, np.uint8)
@@ -95,7 +94,7 @@ def test_a_heic_picture_without_its_library_is_refused_in_one_line(
 
 
 def test_the_orientation_of_a_phone_is_obeyed(tmp_path: Path) -> None:
-    """A picture with Exif orientation 6 (CIPA DC-008, 4.6.4), which is stored on its side, is read upright."""
+    # A picture with Exif orientation 6 is stored on its side (CIPA DC-008, 4.6.4).
     upright = np.full((96, 64, 3), 200, np.uint8)
     upright[:20] = (30, 30, 220)
     raw = cv2.imencode(".jpg", cv2.rotate(upright, cv2.ROTATE_90_COUNTERCLOCKWISE))[1].tobytes()

@@ -1,4 +1,4 @@
-"""`eimi import` makes a dataset from a correct folder; an incorrect folder gives an error of one line and no file."""
+"""`eimi import` makes a dataset from a correct folder; another folder gives an error of one line and no file."""
 
 from __future__ import annotations
 
@@ -84,10 +84,7 @@ def test_images_that_no_row_lists_are_left_out_with_a_note(run: Run, pictures: P
 
 
 def test_paths_are_relative_to_the_table(run: Run, pictures: Path, frame: Callable[..., np.ndarray]) -> None:
-    """Paths in states.csv are relative to the folder of the images or to the table, and may have backslashes.
-
-    If a file name exists at both places, the file in the folder of the images is used.
-    """
+    # Paths may also be relative to the folder of the images, which comes first, and may have backslashes.
     (pictures / "elsewhere").mkdir()
     cv2.imwrite(str(pictures / "elsewhere" / "other.png"), frame(7))
     cv2.imwrite(str(pictures / "frame_1.png"), frame(8))
@@ -112,7 +109,7 @@ def test_a_dataset_can_be_made_from_one_picture(run: Run, pictures: Path) -> Non
 
 
 def test_a_table_written_by_a_spreadsheet_is_read(run: Run, pictures: Path) -> None:
-    """A table with semicolons, decimal commas and a byte-order mark is read; an Excel file is refused."""
+    # Semicolons, decimal commas and a byte-order mark are accepted; an Excel file is refused.
     (pictures / "states.csv").write_text("frame;current_A\nframe_1.png;0,25\nframe_2.png;1.5\n", encoding="utf-8-sig")
     assert import_frames(run, pictures)[0] == 0
     with open_dataset(pictures / "out.h5") as dataset:

@@ -97,10 +97,7 @@ def test_frames_of_a_video_are_imported_by_time(run: Run, files: Path, frame: Dr
 
 
 def test_every_nth_frame_of_a_video_has_the_load_that_acts_on_it(run: Run, files: Path, frame: Draw) -> None:
-    """If only every n-th frame of a video is imported, each of these frames belongs to the load that acts at its time.
-
-    A table gives the time or the frame number at which each load begins.
-    """
+    # A table gives the time or the frame number at which each load begins.
     writer = cv2.VideoWriter(str(files / "run.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 10.0, (128, 96))
     for number in range(12):
         writer.write(cv2.cvtColor(frame(number), cv2.COLOR_GRAY2BGR))
@@ -129,7 +126,7 @@ def test_every_nth_frame_of_a_video_has_the_load_that_acts_on_it(run: Run, files
 
 
 def test_colour_is_kept(run: Run, files: Path, frame: Draw) -> None:
-    """Colours are stored also if only the second image is in colour, or if the dark frame is grey."""
+    # Colours are stored also if only the second image is in colour, or if the dark frame is grey.
     red = np.dstack([frame(1) // 3, frame(1) // 2, frame(2)])
     fill(files, {"f_0.png": frame(0), "f_1.png": red}, [0, 1])
     cv2.imwrite(str(files / "dark.png"), np.full((96, 128), 4, np.uint8))
@@ -261,7 +258,7 @@ def test_overlays_that_do_not_fit_on_the_disk_leave_no_files(run: Run, files: Pa
 
 
 def within(room: int, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    """Run an `eimi` command in another process that may write files of at most `room` bytes."""
+    """Run an `eimi` command that may write files of at most `room` bytes, in another process."""
     return subprocess.run(
         [sys.executable, "-m", "eimi_lab", *map(str, arguments)],
         capture_output=True,
@@ -274,7 +271,7 @@ def within(room: int, *arguments: str | Path) -> subprocess.CompletedProcess[str
 
 @pytest.mark.parametrize("share", [0.5, 1.01])
 def test_a_full_disk_leaves_a_dataset_as_it_was(run: Run, files: Path, frame: Draw, share: float) -> None:
-    """A dataset stays unchanged if the disk becomes full while the dataset is copied or gets edges."""
+    # The disk becomes full while the dataset is copied or gets edges.
     fill(files, {f"f_{k}.png": frame(k) for k in range(9)}, list(range(9)))
     assert imported(run, files) == (0, "")
     before = (files / "out.h5").read_bytes()
@@ -296,10 +293,7 @@ def test_the_error_for_a_dataset_that_does_not_fit_on_the_disk_names_the_dataset
 
 
 def test_a_damaged_video_is_refused_in_one_line(files: Path, frame: Draw) -> None:
-    """A damaged video gives an error of one line, without messages of the video decoder.
-
-    The command runs in another process, so that the test can read the messages of the decoder.
-    """
+    # In another process, the test can read the messages of the video decoder.
     (files / "run.mp4").write_bytes(b"no video")
     (files / "states.csv").write_text("frame,current_A\n1,0\n2,1\n")
     tables = [f"--{name}={files / name}.toml" for name in ("specimen", "calibration")]
@@ -337,10 +331,7 @@ def test_dark_frame_and_flat_field(run: Run, files: Path, frame: Draw) -> None:
 
 
 def test_dark_frame_and_flat_field_are_stored_with_the_frames(run: Run, files: Path) -> None:
-    """A flat field (an image of the uneven light) is stored, and corrects the frames whenever edges are found in them.
-
-    The pixels of this test differ in brightness, so that the edges are different without the correction.
-    """
+    # The pixels differ in brightness, so that the edges differ without the flat field (an image of the uneven light).
     gain = 1.0 + 0.1 * np.sin(np.arange(128) / 3.0)
     specimen, calibration = load_specimen(files / "specimen.toml"), load_calibration(files / "calibration.toml")
     images = {}
@@ -353,10 +344,7 @@ def test_dark_frame_and_flat_field_are_stored_with_the_frames(run: Run, files: P
     out = files / "out.h5"
 
     def edges() -> np.ndarray:
-        """Return the n edge points that a fit uses, (x, y) in mm, shape (n, 2).
-
-        If the dataset has no edges, the edges are found first.
-        """
+        """Return the n edge points that a fit uses, (x, y) in mm, shape (n, 2)."""
         load_evidence(out, flagged=True)
         with open_dataset(out) as dataset:
             return np.concatenate([side.points_mm for e in dataset.edges() or () for side in (e.left, e.right)])

@@ -16,10 +16,7 @@ pictures_at_hand = pytest.mark.skipif(not PICTURES, reason="../shared/data/pictu
 @pictures_at_hand
 @pytest.mark.parametrize("change", CHANGES)
 def test_a_changed_photograph_is_never_wrong_without_a_doubt(change):
-    """A photograph that was changed still gives right edges, or edges with a flag (warning).
-
-    The changes are of the scale and of the light, noise, a mirror image, JPEG compression and blur.
-    """
+    # The changes are of the scale and of the light, noise, a mirror image, JPEG compression and blur.
     picture = PICTURES["diffcal_blue_1"]
     changed = perturbed(picture, change)
     edges = changed.edges()
@@ -65,10 +62,7 @@ def test_a_photograph_is_followed_although_clamp_axis_width_and_length_are_inexa
 
 @pictures_at_hand
 def test_a_border_near_the_clamp_that_ends_before_the_edge_is_not_joined_to_the_edge():
-    """In a photograph, the border of a tape near the clamp is not taken for a part of the beam's edge.
-
-    Its border ends a third of a beam's width before the visible edge of the beam begins.
-    """
+    # The border of a tape ends a third of a beam's width before the visible edge of the beam begins.
     picture = PICTURES["silicone_curl"]
     clicks = ((236.3, 267.3), (234.9, 261.5), (425.2, 180.4))
     help_given = (picture.calibration.picture or Help()).model_copy(update={"along_px": clicks})

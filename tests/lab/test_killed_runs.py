@@ -1,8 +1,6 @@
-"""A whole run that is interrupted by a signal or killed leaves the coil off, and its states are stored.
+"""A whole run that is interrupted by a signal or killed leaves the coil off, and its states are stored."""
 
-The supply is emulated in the process of the test, so that the supply outlives the run and the test can observe the
-current in the coil.
-"""
+# The supply is emulated in this process: it outlives the run, and the tests can observe the current in the coil.
 
 from __future__ import annotations
 
@@ -27,10 +25,7 @@ FOUR_STATES = [0.0, 0.1, 0.2, 0.3]
 
 @dataclass
 class RunEnd:
-    """The end of a run: its exit status, and the lines on standard error.
-
-    `acknowledged` is the number of states that these lines report as stored.
-    """
+    """The exit status of a run, its lines on standard error, and the number of states that were reported as stored."""
 
     status: int
     lines: list[str]
@@ -41,7 +36,7 @@ class RunEnd:
 
 
 def run(bench: Path, driver: str, address: str, after: int, act: Callable[[subprocess.Popen[str]], None]) -> RunEnd:
-    """Run `eimi acquire` in another process; call `act` with this process when `after` states have been stored."""
+    """Run `eimi acquire` in another process; call `act` with this process after `after` stored states."""
     (bench / "rig.toml").write_text(f"""
 name = "emulated"
 calibration = "calibration.toml"

@@ -1,8 +1,6 @@
-"""A Ctrl-C always ends the program with a report.
+"""Every Ctrl-C ends the program with a report, also a second one, and one during a destructor."""
 
-This is also the case if a second Ctrl-C follows the first, and if the Ctrl-C comes while Python runs a destructor. In a
-destructor, Python ignores the exception that a Ctrl-C raises.
-"""
+# In a destructor, Python ignores the exception that a Ctrl-C raises.
 
 from __future__ import annotations
 

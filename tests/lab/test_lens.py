@@ -20,20 +20,16 @@ DEPTH_MM, CENTRE_MM = 5.0, np.array([15.0, 0.0])
 
 @pytest.fixture(scope="module")
 def sides() -> np.ndarray:
-    """The edges of the middle plane of a silicone beam in seven fields, (7, 2, n, 2) in mm.
-
-    The axes are fields, left and right edge, n points, x and y.
-    """
+    """The edges of the middle plane of a silicone beam in mm, (7 fields, left and right edge, n points, x and y)."""
     model = BeamModel(Specimen(30.0, 3.0, DEPTH_MM, 1070.0, "plane-strain", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0)))
     shapes = model.solve(LAWS["neo-hookean"], np.array([[46e3]]), Loads.along(np.linspace(0, 8, 7)))
     return points_on(edge_curves(model, shapes)[0], 8)[:, :, 1:-1]
 
 
 def edges_through_lens(sides: np.ndarray, stand_off_mm: float | None, noise_mm: float) -> EdgeObservation:
-    """Return the noisy edges of a deep beam as a lens shows them: the outline of the near and the far face together.
+    """Return the noisy outline of a deep beam in a picture through a lens.
 
-    sides: edges of the middle plane, (7, 2, n, 2) in mm. stand_off_mm: distance of the lens from this plane; None for a
-    telecentric lens.
+    sides: edges of the middle plane, (7, 2, n, 2) in mm. stand_off_mm: distance of the lens; None if telecentric.
     """
     if stand_off_mm:
         faces = [np.insert(sides, 2, z, axis=-1) for z in (-0.5 * DEPTH_MM, 0.5 * DEPTH_MM)]

@@ -1,4 +1,4 @@
-"""A file may use a quarter of the free memory and a limited processor time; who exceeds them is told so in one line."""
+"""A file that needs more than a quarter of the free memory, or too much time, gives an error of one line."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def test_an_unreadable_number_is_replaced_by_the_number_of_free_pages(
 def test_macos_has_half_of_its_installed_memory(
     monkeypatch: pytest.MonkeyPatch, soft_limits: dict[int, tuple[int, int]], status: int, free: int
 ) -> None:
-    """sysctlbyname(3) writes hw.memsize, 64 bits, and returns 0 if it succeeds."""
+    # sysctlbyname(3) writes hw.memsize, 64 bits, and returns 0 if it succeeds.
 
     def ask(name: bytes, value: Any, length: Any, new: object, new_length: int) -> int:
         assert (name, length._obj.value, new, new_length) == (b"hw.memsize", 8, None, 0)

@@ -1,4 +1,4 @@
-"""A run stores only good frames of a GigE camera that loses packets, disappears, is replaced, or changes its region."""
+"""A run stores only good frames of a GigE camera that loses packets, disappears, or is replaced."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ pytestmark = needs_aravis
 
 @pytest.fixture(scope="module", autouse=True)
 def alone() -> Iterator[None]:
-    """Hold the lock of the GigE camera until the end of this module, so that no other test uses a GigE camera."""
+    """Hold the lock of the GigE camera until the end of this module."""
     with only_gige_camera():
         yield
 
@@ -73,7 +73,7 @@ def served(**camera: Any) -> Any:
 
 
 def every_stored_frame_is_a_picture_of_the_camera(path: Path) -> int:
-    """Assert that every stored frame is the picture that the camera exposed; return the number of frames."""
+    """Assert that every stored frame is as the camera exposed it; return the number of frames."""
     count = 0
     with h5py.File(path) as file:
         for group in ("data", "transients"):

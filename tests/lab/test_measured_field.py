@@ -1,7 +1,4 @@
-"""Measured fields and temperatures are imported, and a fit uses them.
-
-A straight line through the fields at several currents gives the coil constant and the background field.
-"""
+"""Measured fields and temperatures are imported, and a fit uses them."""
 
 from __future__ import annotations
 
@@ -44,10 +41,8 @@ def test_given_uncertainties_of_the_gaussmeter_increase_the_uncertainties_of_the
 
 
 def test_uncertainties_that_the_gaussmeter_reports_count_only_for_complete_readings():
-    """The uncertainty of one reading is the root mean square of the uncertainties of all complete readings.
-
-    Readings without a current, a field or an uncertainty reported by the gaussmeter are left out.
-    """
+    # The uncertainty of one reading is the root mean square of the uncertainties of all complete readings. These have a
+    # current, a field and an uncertainty.
     current_A = np.array([0.0, 0.5, np.nan, 1.0, 0.7])
     reported_mT = np.array([0.03, 0.04, 50.0, np.nan, 50.0])
     line = field_line(HALL, current_A, 4.7 * current_A + [0.0, 0.0, 0.0, 0.0, np.nan], reported_mT)

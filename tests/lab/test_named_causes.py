@@ -1,4 +1,4 @@
-"""A dataset that no material can explain gives an error of one line with the likely cause and the key to change."""
+"""A dataset that no material can explain gives an error of one line: the likely cause and the key to change."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ REST = np.column_stack([np.linspace(5, 24, 6), np.zeros(6)])
 
 @cache
 def places(gravity_deg: float | None = 30.0) -> np.ndarray:
-    """Return the coordinates (x, y) of six points on a simulated beam in three fields, (3, 6, 2) in mm.
+    """Return six points on a simulated beam in three fields, (3, 6, 2) in mm.
 
     gravity_deg: direction of gravity in the beam frame; None without gravity.
     """
@@ -63,10 +63,10 @@ def bent() -> Experiment:
 def fit(
     folder: Path, run, *, points=None, fields=FIELD_MT, gravity="30", magnet=MAGNET, name="beam"
 ) -> tuple[int, str]:
-    """Import points on a beam with the given loads, and fit a law; return the exit status and the last printed line.
+    """Import points, (3, 6, 2) in mm, and fit a law; return the exit status and the last printed line.
 
-    points: coordinates in mm, (3, 6, 2). fields: the field in each state (mT). gravity: direction of gravity in
-    degrees, as text. magnet: the table [magnet] of the specimen file.
+    fields: the field in each state (mT). gravity: its direction in degrees. magnet: the table [magnet] of the specimen
+    file.
     """
     rows = [
         f"{k},p{i},{REST[i, 0]},{REST[i, 1]},{x:.6f},{y:.6f},0.005"
@@ -117,10 +117,7 @@ def test_a_mistake_in_the_loads_is_named(tmp_path: Path, run, stated, cause: str
 
 
 def test_a_mistake_with_a_small_effect_is_a_doubt(tmp_path: Path, run) -> None:
-    """A wrong direction of gravity is named as the likely cause even if it changes the bending by only a tenth.
-
-    The beam of this test hangs, and its file says that gravity points upward.
-    """
+    # The beam hangs, and its file says that gravity points upward; this changes the bending by only a tenth.
     status, line = fit(tmp_path, run, points=places(0.0), gravity="180")
     if status == 0:
         (record,) = read_fits_file(tmp_path / "fits.json").fits

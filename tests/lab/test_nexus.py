@@ -1,8 +1,6 @@
-"""Datasets are valid NeXus files: the checker of the package `nexusformat` finds no error and no warning.
+"""Datasets are valid NeXus files: the checker of the package `nexusformat` finds no error and no warning."""
 
-The package is not a dependency, because its own dependencies are several times the size of the suite; install it with
-`pip install nexusformat`.
-"""
+# The package is no dependency, because its own dependencies are large: `pip install nexusformat`.
 
 from __future__ import annotations
 
@@ -34,7 +32,7 @@ POINTS = np.arange(10.0).reshape(5, 2)
 
 
 def faults(path: Path) -> tuple[int, int]:
-    """Return the numbers of warnings and of errors of the NeXus checker, whose messages go to the log of the test."""
+    """Return the numbers of warnings and of errors of the NeXus checker."""
     validate.logger.setLevel("INFO")
     return validate.validate_file(str(path))
 

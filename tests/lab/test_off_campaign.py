@@ -1,6 +1,6 @@
 """After a fault while the coil carries its full current, the run ends with the coil off.
 
-This file tests some of the faults. `python -m benchmarks.off_campaign --trials 5` tests all of them.
+`python -m benchmarks.off_campaign --trials 5` tests more faults.
 """
 
 from __future__ import annotations

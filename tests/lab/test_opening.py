@@ -1,8 +1,4 @@
-"""A run opens lock, guardian, supply, sensors and camera of a bench in this order, and closes them in reverse order.
-
-The guardian is the process that switches the coil off if the run dies. The tests use replacements for the instruments,
-which record the calls of their methods.
-"""
+"""A run opens lock, guardian, supply, sensors and camera of a bench in this order, and closes them in reverse order."""
 
 from __future__ import annotations
 
@@ -26,7 +22,7 @@ from eimi_lab.virtual import virtual_rig
 
 
 class Instrument:
-    """A replacement for a supply, a camera or a sensor, which records that it was closed."""
+    """A replacement for an instrument, which records that it was closed."""
 
     settings = CameraSettings(gain=3.0)
 
@@ -41,10 +37,9 @@ class Instrument:
 
 @pytest.fixture
 def bench(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
-    """A rig in which the lock, the guardian, the supply and two sensors are replaced.
+    """A rig with replaced instruments.
 
-    The guardian is the process that switches the coil off if a run dies. done, given: the calls of the replacements,
-    and their arguments. missing, broken: names of instruments that cannot be opened, or not closed.
+    done, given: calls and their arguments. missing, broken: names of instruments that fail to open, or to close.
     """
     made = SimpleNamespace(done=[], given={}, missing="", broken="")
 
@@ -222,7 +217,7 @@ def test_the_camera_of_a_rig_is_a_device_a_recording_or_a_virtual_beam(monkeypat
 
 
 class Run:
-    """A replacement for a run; it records the calls of its methods."""
+    """A replacement for a run, which records its calls."""
 
     def __init__(self) -> None:
         self.calls: list[str] = []
@@ -254,6 +249,5 @@ def test_each_long_operation_calls_its_method_of_the_run_while_the_run_heeds_sig
 
 
 def test_the_fixture_has_the_fields_of_a_rig() -> None:
-    """The replacement for a rig in the fixture `bench` has only fields that a rig has."""
     assert {"camera", "supply", "virtual", "sensors"} <= set(Rig.model_fields)
     assert hasattr(Rig, "simulated")

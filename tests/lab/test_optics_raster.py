@@ -1,4 +1,4 @@
-"""The rasteriser, which draws polygons into pictures, computes exactly which share of each pixel is covered."""
+"""The drawing of polygons computes exactly which share of each pixel is covered."""
 
 import numpy as np
 import pytest

@@ -49,7 +49,7 @@ def curve(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def options(**changes: Any) -> FitOptions:
-    """Return the options of a fit with `changes`; a tensile curve is added if an option requires one."""
+    """Return the options of a fit with `changes`, and with a tensile curve if an option requires one."""
     if changes.keys() & {"tensile", "tensile_window", "tensile_weight"}:
         changes["tensile"] = [Path("curve.csv")]
     return FitOptions(**changes)
@@ -61,10 +61,6 @@ def test_this_file_contains_another_value_for_every_option_of_a_fit() -> None:
 
 @pytest.mark.parametrize("name", OTHERS)
 def test_a_checkpoint_is_not_continued_with_another_option(curve: Path, tmp_path: Path, name: str) -> None:
-    """A fit does not continue from a checkpoint (the log of an interrupted fit) with another value of an option.
-
-    Each option changes the search.
-    """
     before = FitOptions(tensile=[Path("curve.csv")]) if name in ("tensile_window", "tensile_weight") else FitOptions()
     after = options(**{name: OTHERS[name]})
     assert before.head() != after.head()
@@ -133,7 +129,7 @@ class Reached:
 
 @pytest.fixture
 def reached(monkeypatch: pytest.MonkeyPatch, run: Run) -> Callable[..., tuple[tuple[Any, ...], dict[str, Any]]]:
-    """Return a function that runs a command up to its call of a given function, and returns its arguments."""
+    """Return a function that runs a command up to its call of a given function, and returns the arguments."""
 
     def reached(function: str, *arguments: object) -> tuple[tuple[Any, ...], dict[str, Any]]:
         calls: list[Reached] = []
@@ -281,10 +277,7 @@ def test_a_file_that_a_command_reads_is_never_overwritten_even_with_force(
 def test_an_existing_result_is_refused_before_any_input_is_read(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run: Run, command: str
 ) -> None:
-    """A command that may not overwrite its output file ends at once, before it reads its inputs.
-
-    The inputs of this test are no valid files.
-    """
+    # The inputs are no valid files.
     monkeypatch.chdir(tmp_path)
     (tmp_path / "pictures").mkdir()
     for name in ("a.h5", "b.csv", "c.toml", "f.json", "p.toml", "r.toml", "s.toml", "t.csv", "x.png", "old"):
@@ -296,10 +289,7 @@ def test_an_existing_result_is_refused_before_any_input_is_read(
 
 
 def test_states_that_their_run_has_flagged_are_left_out_unless_an_option_includes_them(dataset: Path) -> None:
-    """A fit leaves out a state to which the run has attached a flag (a warning), unless an option includes such states.
-
-    The second state was flagged by its run, and gets the good edges of the first state in this test.
-    """
+    # The second state was flagged by its run, and gets the good edges of the first state.
     load_evidence(dataset, flagged=True)  # detects and stores the edges
     with open_dataset(dataset) as opened:
         first = (opened.edges() or ())[0]

@@ -44,7 +44,7 @@ eye = mine_lab:Eye
 
 @pytest.fixture
 def outside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """A folder on Python's path with the package `mine_lab`, which does not announce its drivers by entry points."""
+    """A folder on Python's path with the package `mine_lab`, which does not announce its drivers."""
     folder = tmp_path / "site-packages"
     folder.mkdir()
     shutil.copy(PACKAGE, folder)
@@ -55,7 +55,7 @@ def outside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 @pytest.fixture
 def lab(outside: Path) -> Any:
-    """The module `mine_lab`, whose supply driver and camera driver are not part of this project."""
+    """The module `mine_lab` with a supply driver and a camera driver."""
     import mine_lab
 
     return mine_lab
@@ -63,7 +63,7 @@ def lab(outside: Path) -> Any:
 
 @pytest.fixture
 def added(lab: Any) -> Iterator[None]:
-    """Register the drivers of `mine_lab` under the names "mine" and "eye" for one test, as a user's program does."""
+    """Register the drivers of `mine_lab` under the names "mine" and "eye" for one test."""
     SUPPLIES["mine"], CAMERAS["eye"] = lab.Mine, lab.Eye
     yield
     del SUPPLIES["mine"], CAMERAS["eye"]
@@ -86,7 +86,7 @@ camera = {{ driver = "{camera}", source = "wall" }}
 
 
 def announce(folder: Path) -> None:
-    """Write the metadata with which the installed package `mine_lab` announces its drivers."""
+    """Write the metadata by which the package `mine_lab` announces its drivers."""
     information = folder / "mine_lab-1.0.dist-info"
     information.mkdir()
     (information / "METADATA").write_text("Metadata-Version: 2.1\nName: mine-lab\nVersion: 1.0\n")
@@ -250,7 +250,7 @@ Mine.{member} = _fail_after(Mine.{member})
 
 
 def spoil(outside: Path, driver: str, member: str) -> None:
-    """Remove the method `member` from a driver in `mine_lab`, the package of drivers that a user has written."""
+    """Remove the method `member` from a driver in `mine_lab`."""
     path = outside / "mine_lab.py"
     head, _, body = path.read_text().partition(f"class {driver}:")
     assert f"def {member}(" in body

@@ -1,8 +1,4 @@
-"""The guardian asks systemd for a scope (a control group) of its own, and works without systemd.
-
-The guardian is the process that switches the supply off if the run fails. In its own scope, the guardian survives the
-end of the user's session.
-"""
+"""The guardian (the process that switches the coil off) asks systemd for a control group of its own, if possible."""
 
 from __future__ import annotations
 
@@ -16,7 +12,7 @@ from eimi_lab.process import scope
 
 @pytest.fixture
 def busctl_arguments(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The path of a file to which a replacement for the program busctl writes its arguments at each call."""
+    """The file to which a replacement for the program busctl writes its arguments."""
     busctl = tmp_path / "busctl"
     busctl.write_text(f'#!/bin/sh\nprintf "%s\\n" "$@" > {tmp_path}/asked\nexit $(cat {tmp_path}/status)\n')
     busctl.chmod(0o755)

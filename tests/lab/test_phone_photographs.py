@@ -38,10 +38,7 @@ def picture_with(path: Path, **table: float) -> Path:
 
 
 def test_the_focal_length_follows_from_the_equivalent_of_a_full_frame(tmp_path: Path) -> None:
-    """The focal length in px follows from the focal length for 35 mm film in the Exif data.
-
-    The angle of view of the diagonal is the same as for a frame of 36 x 24 mm (CIPA DCG-001).
-    """
+    # The angle of view of the diagonal is the same as for a frame of 36 x 24 mm (CIPA DCG-001).
     path = picture_with(tmp_path / "a.jpg", FocalLengthIn35mmFilm=26, ExifImageWidth=4000, ExifImageHeight=3000)
     lens = focal_length(path, (400, 300))
     assert lens is not None
@@ -49,10 +46,7 @@ def test_the_focal_length_follows_from_the_equivalent_of_a_full_frame(tmp_path: 
 
 
 def test_the_focal_length_follows_from_the_resolution_of_the_sensor(tmp_path: Path) -> None:
-    """The focal length in px follows from the focal length in mm and the resolution of the sensor in the Exif data.
-
-    The focal length is 4 mm, the sensor has 4000 pixels on 8 mm, and the picture was made ten times smaller.
-    """
+    # The focal length is 4 mm, the sensor has 4000 pixels on 8 mm, and the picture was made ten times smaller.
     table = {"FocalLength": 4.0, "FocalPlaneXResolution": 5000.0, "FocalPlaneResolutionUnit": 3}
     path = picture_with(tmp_path / "a.jpg", **table, ExifImageWidth=4000, ExifImageHeight=3000)
     lens = focal_length(path, (400, 300))

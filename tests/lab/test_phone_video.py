@@ -1,7 +1,4 @@
-"""Videos of a phone are imported, although their frame times are irregular and the camera moves.
-
-Points that a person clicks replace a calibration file.
-"""
+"""Videos of a phone are imported, although their frame times are irregular and the camera moves."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A user may give values about the pictures, such as clamp, axis and colours; errors ask for missing values."""
+"""A user may give values about pictures, such as clamp and colours; errors ask for missing values."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Run = Callable[..., tuple[int, str]]
 
 
 def scene(beam: tuple[int, int, int], beside: tuple[int, int, int], seed: int = 0) -> np.ndarray:
-    """Return a noisy picture, shape (96, 128, 3), of a beam of 16 x 80 px that hangs from the pixel (64, 8).
+    """Return a noisy picture, (96, 128, 3), of a beam of 16 x 80 px below the pixel (64, 8).
 
     beam, beside: colours of the beam and of the background (blue, green, red).
     """
@@ -49,10 +49,7 @@ def edge_points(files: Path) -> int:
 
 
 def test_values_that_a_user_gives_about_the_pictures_are_stored(run: Run, files: Path) -> None:
-    """The values that a user gives on the command line are stored in the calibration of the dataset.
-
-    Values for keys that calibration.toml does not contain are stored too.
-    """
+    # Values for keys that calibration.toml does not contain are stored too.
     with (files / "calibration.toml").open("a") as file:
         file.write('calibrated_on = 2026-01-02\n[picture]\npolarity = "dark"\nchannel = "green"\n')
     options = ("--clamp", "63.5,8", "--axis", "91", "--region", "10, 4, 100, 90", "--beam-colour", "200,30,40")
@@ -110,10 +107,7 @@ def test_the_error_about_a_missing_value_names_a_picture_in_which_to_read_it(run
 
 
 def test_a_red_beam_on_white_is_detected_and_the_chosen_colour_has_a_name(run: Run, files: Path) -> None:
-    """A red beam on white is detected in the best mixture of the colours, unless the user chooses a colour.
-
-    The brightest channel, red, shows no contrast (204 and 214), but green does (50 and 208).
-    """
+    # The brightest channel, red, shows no contrast (204 and 214), but green does (50 and 208).
     assert imported(run, files, scene((50, 50, 204), (208, 208, 214)))[0] == 0
     assert run("segment", files / "out.h5")[0] == 0
     points = edge_points(files)
@@ -132,11 +126,7 @@ def test_a_red_beam_on_white_is_detected_and_the_chosen_colour_has_a_name(run: R
 
 
 def test_one_mixture_of_colours_shows_the_beam_in_all_states(files: Path) -> None:
-    """One weighted sum of the colours shows the beam in a bright and in a darker state.
-
-    In the bright state, the beam and its green background differ clearly in red (120 and 55), and hardly in green (119
-    and 113).
-    """
+    # In the bright state, the beam and its background differ in red (120 and 55), and hardly in green (119 and 113).
     calibration = load_calibration(files / "calibration.toml")
     images = [
         scene((90, 119, 120), (60, 113, 55)).astype(np.float32),
@@ -153,10 +143,7 @@ def test_one_mixture_of_colours_shows_the_beam_in_all_states(files: Path) -> Non
 
 @pytest.mark.parametrize("odd_one", [0, 5])
 def test_the_mixture_of_colours_is_chosen_for_all_states_together(run: Run, files: Path, odd_one: int) -> None:
-    """The weighted sum of the colours that shows the beam is chosen for all states together.
-
-    In five of six states the beam differs from its background in blue, and in the state `odd_one` in red.
-    """
+    # In five of six states the beam differs from its background in blue, and in the state `odd_one` in red.
     pictures = files / "pictures"
     pictures.mkdir()
     for index in range(6):
@@ -242,10 +229,7 @@ def test_a_beam_too_narrow_for_its_edges_is_not_reported_as_a_wrong_clamp(run: R
 
 
 def test_if_one_edge_is_lost_the_error_names_it_and_proposes_no_other_clamp(run: Run, files: Path) -> None:
-    """If only one edge is lost, the error advises to look at this edge, and does not propose another clamp.
-
-    A body of the beam's colour touches the right side of the beam.
-    """
+    # A body of the beam's colour touches the right side of the beam.
     image = scene((40, 60, 200), (120, 120, 120))
     image[40:76, 70:100] = np.clip(np.random.default_rng(2).normal((40, 60, 200), 2.0, (36, 30, 3)), 0, 255)
     assert imported(run, files, image)[0] == 0
@@ -256,10 +240,7 @@ def test_if_one_edge_is_lost_the_error_names_it_and_proposes_no_other_clamp(run:
 
 
 def test_with_clicks_the_flags_of_a_grey_picture_are_those_of_following(run: Run, files: Path) -> None:
-    """With clicked points, a grey picture without a beam gets only the flag NOT_FOLLOWED, the flag of following.
-
-    The advice names the options that help the search.
-    """
+    # The picture shows no beam. Its only flag is NOT_FOLLOWED, and the advice names options that help the search.
     image = np.random.default_rng(0).integers(100, 140, (96, 128)).astype(np.uint8)
     assert imported(run, files, image, "--along", "64,40 64,80")[0] == 0
     status, said = run("segment", files / "out.h5")

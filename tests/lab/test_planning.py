@@ -31,7 +31,7 @@ ARGUMENTS = ("dragon_skin_10_quick", "--rig", "virtual")
 
 @pytest.fixture(scope="module")
 def fits(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The results file of a fit of the neo-Hookean law to a silicone strip under two weights."""
+    """The results file of a neo-Hookean fit to a silicone strip under two weights."""
     strip = Specimen(30.0, 3.0, 10.0, 1070.0, "plane-stress")
     model, loads = BeamModel(strip), Loads.along([0.0, 0.0], gravity_angle_deg=90.0, tip_force_N=[0.001, 0.002])
     rest = np.column_stack([np.linspace(5, 29, 9), np.zeros(9)])
@@ -134,8 +134,7 @@ def test_an_impossible_plan_is_refused_in_one_line(
 def planned(fits: Path, folder: Path, run, protocol_A: float, rig_A: float, unsure_A: float = 0.0) -> tuple[str, float]:
     """Plan a run; return the heading and the highest current (A) of the planned protocol.
 
-    protocol_A, rig_A: limits of the current in the protocol and in the rig (A). unsure_A: standard uncertainty of the
-    current (A).
+    protocol_A, rig_A: limits of the current. unsure_A: standard uncertainty of the current.
     """
     for path in Path("protocols/rigs").glob("virtual*.toml"):
         (folder / path.name).write_text(path.read_text())
@@ -152,7 +151,7 @@ def planned(fits: Path, folder: Path, run, protocol_A: float, rig_A: float, unsu
 
 
 def half_width(heading: str) -> float:
-    """Return the expected half-width (%) of the interval of the modulus, read from the heading of a plan."""
+    """Return the expected half-width (%) of the interval of the modulus from the heading of a plan."""
     return float(heading.split("±")[1].split("%")[0])
 
 
@@ -172,10 +171,7 @@ def test_the_uncertainty_of_the_current_is_in_the_expected_interval(fits: Path, 
 
 @pytest.mark.parametrize("against_a_rival", [False, True])
 def test_the_best_mounting_comes_first(monkeypatch: pytest.MonkeyPatch, against_a_rival: bool) -> None:
-    """A plan lists the possible runs with the best one first; the runs differ in the direction of gravity.
-
-    The best run has the narrowest interval of the modulus.
-    """
+    # The runs differ in the direction of gravity; the best one has the narrowest interval of the modulus.
     expected = {0.0: 3.0, 90.0: 1.0, 180.0: 2.0}
     specimen, rig, protocol = load_specimen("type1"), load_rig("virtual"), load_protocol("dragon_skin_10_quick")
     fit = SimpleNamespace(model="yeoh")

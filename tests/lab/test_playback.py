@@ -1,7 +1,4 @@
-"""A recording can take the place of a camera, and a viewer receives every frame.
-
-The times of the frames of a ring-down (a free vibration) are corrected for delays.
-"""
+"""A recording can take the place of a camera, and a viewer receives every frame."""
 
 from __future__ import annotations
 
@@ -24,7 +21,7 @@ from eimi_lab.vision.check import Flag
 
 
 class Pictures:
-    """A recording of three pictures, whose grey values are 1, 2 and 3; it takes the place of a camera."""
+    """A recording of three pictures, whose grey values are 1, 2 and 3."""
 
     settings = NO_SETTINGS
 
@@ -53,7 +50,7 @@ class Pictures:
 
 @pytest.fixture
 def opened(monkeypatch: pytest.MonkeyPatch) -> list[Pictures]:
-    """The list of the recordings that a test opens; it is empty at first."""
+    """The list of the recordings that a test opens."""
     monkeypatch.setattr(playback, "HELD_FRAME_S", 0.0)
     return []
 
@@ -135,7 +132,7 @@ def test_a_loop_of_pictures_begins_again_with_the_state_after_the_last_picture(o
 def test_the_length_of_a_recording_is_compared_with_the_run(
     setup: Any, monkeypatch: pytest.MonkeyPatch, pictures: int, rule: dict[str, bool], said: str
 ) -> None:
-    """The number of pictures in a recording is compared with the 28 frames that a run takes."""
+    # The run takes 28 frames.
     monkeypatch.setattr(playback, "recording_length", lambda source: pictures)
     chosen = setup.rig.camera.model_copy(update={"driver": playback.PLAYER, "playback": Playback(**rule)})
     rig = setup.rig.model_copy(update={"camera": chosen})

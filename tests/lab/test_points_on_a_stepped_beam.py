@@ -1,7 +1,4 @@
-"""Tracked points may lie on the surface of a beam of varying width.
-
-If a fit changes the uncertain sizes of the beam, the points stay on its surface.
-"""
+"""Tracked points stay on the surface of a beam of varying width, also if a fit changes the size of the beam."""
 
 from pathlib import Path
 
@@ -40,7 +37,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def dataset_of(folder: Path, rest_mm: np.ndarray, moved_mm: np.ndarray) -> Path:
-    """Import n points with the positions ``rest_mm``, (n, 3), and ``moved_mm``, (n, 2 or more), and return the file."""
+    """Import n points with the positions ``rest_mm``, (n, 3), and ``moved_mm``, (n, 2 or more); return the file."""
     rows = ["state,point,x0_mm,y0_mm,z_mm,x_mm,y_mm,sigma_mm"]
     for name, rest, moved in zip("abc", rest_mm, moved_mm, strict=False):
         rows.append(",".join(map(str, (0, name, *rest, *moved[:2], SIGMA_MM))))

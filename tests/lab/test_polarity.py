@@ -1,7 +1,4 @@
-"""A protocol with both polarities (signs of the current) works on supplies with and without a reversible current.
-
-It also works on the virtual rig.
-"""
+"""A protocol with both signs of the current works on the virtual rig, and on supplies that cannot reverse it."""
 
 from __future__ import annotations
 
@@ -41,7 +38,7 @@ def with_both(protocol: Protocol, more: str = "") -> Protocol:
 
 @pytest.fixture
 def bench(setup: Any) -> Any:
-    """A bench whose supply cannot reverse its current, with a protocol of both polarities (signs of the current)."""
+    """A bench whose supply cannot reverse its current, with a protocol of both signs of the current."""
     setup.protocol = with_both(setup.protocol)
     return setup
 
@@ -49,8 +46,7 @@ def bench(setup: Any) -> Any:
 def person(setup: Any, answered: list[bool]) -> Callable[[], str | None]:
     """Return a replacement for a user who swaps the leads of the coil when the run asks for it.
 
-    answered: list to which a value is appended whenever the run reads the keyboard with the output off. The value is
-    True if the set-point of the current is zero.
+    answered: gets, whenever the run reads the keyboard with the output off, whether the set-point is zero.
     """
 
     def typed() -> str | None:
@@ -189,10 +185,7 @@ def test_the_virtual_rig_reverses_its_field_and_the_edges_lie_on_the_other_side(
 
 @pytest.mark.slow
 def test_a_hidden_tilt_of_the_moment_is_found_by_the_whole_chain_and_the_modulus_is_right(tmp_path: Any) -> None:
-    """A fit on the virtual rig finds a tilt of the magnetic moment that the specimen file lacks, and the modulus.
-
-    `tests/fitting/test_magnetisation_angle.py` contains a short version of this test without pictures.
-    """
+    # `tests/fitting/test_magnetisation_angle.py` contains a short version of this test without pictures.
     rig, exact = load_rig("virtual"), load_specimen("type1")
     assert rig.virtual is not None
     silicone = '[silicone."Dragon Skin 10"]\nmodel = "neo-hookean"\nparameters = { mu_Pa = 46390.0 }\n'

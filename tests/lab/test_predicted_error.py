@@ -27,7 +27,7 @@ OTHER = replace(FIRST, length_mm=32.0)
 
 
 def evidence(name: str, stated: Specimen, hidden: Specimen, coil: float, *stated_sources: StatedSource) -> Evidence:
-    """Return a dataset with simulated edges of the beam `hidden`, whose specimen file describes the beam `stated`.
+    """Return a dataset with simulated edges of the beam `hidden`, with a file that describes the beam `stated`.
 
     coil: true field divided by the field in the file. stated_sources: the uncertainties in the file.
     """

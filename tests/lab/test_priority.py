@@ -1,7 +1,4 @@
-"""A process that gives way to other processes has a lower priority, also among the processes of other sessions.
-
-Some Linux systems share the processor time among sessions, and only then among the processes of each session.
-"""
+"""A process that gives way to other processes has a lower priority, also among the processes of other sessions."""
 
 from __future__ import annotations
 
@@ -46,10 +43,7 @@ def test_a_process_in_the_session_of_another_process_lowers_only_itself() -> Non
 
 
 def after_giving_way(leads_a_session: bool) -> tuple[int, int, str]:
-    """Let a process lower its own priority; return the rise of its nice value, the value, and its /proc/self/autogroup.
-
-    leads_a_session: whether the process is the leader of a session.
-    """
+    """Let a process lower its own priority; return the rise of its nice value, this value, and /proc/self/autogroup."""
     options = detached() if leads_a_session else {}
     ran = subprocess.run([sys.executable, "-c", GIVE_WAY], stdout=subprocess.PIPE, text=True, check=True, **options)
     lowered, nice, session = json.loads(ran.stdout)

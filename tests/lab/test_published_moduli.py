@@ -21,10 +21,7 @@ def test_another_silicone_has_no_value(name: str) -> None:
 
 
 def test_a_stress_at_100_per_cent_strain_is_that_of_a_neo_hookean_material() -> None:
-    """A published stress at 100 % strain is converted to the modulus of a neo-Hookean material with this stress.
-
-    The technical bulletin of Dragon Skin 10 gives 22 psi, which is 151.7 kPa.
-    """
+    # The technical bulletin of Dragon Skin 10 gives 22 psi, which is 151.7 kPa.
     row = next(row for row in PUBLISHED if row.material == "Dragon Skin 10" and "22 psi" in row.how)
     stress = engineering_stress(LAWS["neo-hookean"], np.array([row.low_Pa]), np.array([1.0]))
     assert float(np.squeeze(stress)) == pytest.approx(151.7e3, rel=1e-3)

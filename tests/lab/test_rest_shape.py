@@ -33,7 +33,7 @@ FIELD_MT = np.array([0.0, 1.5, 3.0, 4.5])
 
 
 def stated(**keys: str) -> SpecimenFile:
-    """Return the specimen "type1", which is shipped with the program, with other values of the keys of [specimen]."""
+    """Return the specimen "type1" of the program with other values of the keys of [specimen]."""
     text = "\n".join(line for line in TYPE1.text.splitlines() if line.partition(" ")[0] not in keys)
     for key, value in keys.items():
         text = text.replace("[specimen]", f"[specimen]\n{key} = {value}", 1)
@@ -43,10 +43,7 @@ def stated(**keys: str) -> SpecimenFile:
 
 
 def experiment_with(specimen, loads: Loads, seed: int = 1) -> Experiment:
-    """Return an experiment (beam model, loads, noisy edges) of the beam `specimen`.
-
-    The specimen file of the experiment describes another beam, the shipped specimen "type1".
-    """
+    """Return an experiment on the beam `specimen`, whose file describes the specimen "type1"."""
     model = BeamModel(specimen, 26, 3)
     shapes = model.solve(LAWS["neo-hookean"], np.array([[46e3]]), loads)
     edges = points_on(edge_curves(model, shapes)[0], 4)[:, :, 6:-2]
@@ -143,7 +140,7 @@ def test_an_impossible_shape_is_refused_in_one_line(keys, words):
 
 
 def outline_mm(bench: str) -> np.ndarray:
-    """Return the outline of a virtual beam without a current: n points (x, y) in mm, shape (n, 2), on a coarse mesh.
+    """Return the outline of a virtual beam without a current: n points, shape (n, 2), in mm.
 
     bench: TOML text with the differences between the beam and its file.
     """

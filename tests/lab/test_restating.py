@@ -18,7 +18,7 @@ PROTOCOLS = Path(__file__).parents[2] / "protocols"
 
 
 def changed(file: Path, key: str, value: object) -> Path:
-    """Write a copy of a TOML file, beside the file, with another value of one key; return the path of the copy."""
+    """Write a copy of a TOML file with another value of one key, beside the file; return the path of the copy."""
     lines = [f"{key} = {value}" if line.startswith(f"{key} = ") else line for line in file.read_text().splitlines()]
     beside = file.with_name(f"other_{file.name}")
     beside.write_text("\n".join(lines) + "\n")
@@ -27,7 +27,7 @@ def changed(file: Path, key: str, value: object) -> Path:
 
 @pytest.fixture
 def acquired(setup) -> Path:
-    """The path of a dataset that a run with four states on an emulated bench has written."""
+    """A dataset of four states from an emulated bench."""
     setup.run()
     return setup.path
 
@@ -121,7 +121,6 @@ def test_positions_that_a_new_calibration_does_not_contain_keep_their_values(
 
 @pytest.mark.slow
 def test_a_wrong_width_is_named_corrected_and_fitted(run: Run, tmp_path: Path) -> None:
-    """A fit names a wrong width in the specimen file; after the width is corrected, the fit succeeds."""
     data, fits = tmp_path / "run.h5", tmp_path / "fits.json"
     assert run("acquire", "dragon_skin_10_quick", "--specimen", "type1", "--rig", "virtual", "-o", data)[0] == 0
     text = (PROTOCOLS / "specimens" / "type1.toml").read_text(encoding="utf-8")

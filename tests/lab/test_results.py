@@ -89,10 +89,7 @@ def test_every_command_has_an_example_and_the_option_h(eimi: Eimi) -> None:
 def test_the_estimated_time_counts_the_steps_only(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The remaining time of a command is estimated from the duration of its steps, such as the states of a run.
-
-    The time before the first step, such as the conditioning of a beam (bending it before the run), does not count.
-    """
+    # The time before the first step, such as the conditioning of a beam (bending it before the run), does not count.
     now = iter([1000.0, 1010.0, 1020.0, 1030.0])
     monkeypatch.setattr("eimi_lab.process.progress.time.monotonic", lambda: next(now))
     with progress("acquire", 4) as report:

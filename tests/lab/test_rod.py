@@ -1,4 +1,4 @@
-"""The rod, with which the virtual rig computes vibrations, bends and vibrates like the solid whose stiffness it has."""
+"""The rod of the virtual rig bends and vibrates like the solid whose stiffness it has."""
 
 from __future__ import annotations
 

@@ -1,8 +1,4 @@
-"""The wait for rest, the check of the current, the guardian and the limits work, each tested alone.
-
-The guardian is the process that switches the coil off if a run dies. The instruments are emulated in this file, and
-time is simulated.
-"""
+"""The wait for rest, the check of the current, the guardian process and the limits of a run work, each alone."""
 
 from __future__ import annotations
 
@@ -86,8 +82,7 @@ def noise_of(draw: Callable[..., NDArray[Any]]) -> Noise:
 def waited_s(frame: Callable[..., NDArray[Any]], place_px: Callable[[int], float], **changes: Any) -> float:
     """Return the duration of the wait for rest (s); fail if the beam did not come to rest.
 
-    frame: function that draws a frame. place_px: function from the number of a frame to the position of the beam (px).
-    changes: changed values of the rule [settle] in the protocol.
+    place_px: function from the number of a frame to the position of the beam. changes: values of the table [settle].
     """
     camera = FilmedBeam(place_px, frame)
     result = wait_until_settled(camera, camera.clock, RULE.model_copy(update=changes), noise_of(frame), never)
@@ -102,19 +97,13 @@ def test_a_beam_at_rest_is_observed_for_all_pairs_and_for_the_drift_window(frame
 def test_a_beam_that_creeps_too_slowly_for_two_successive_frames_is_waited_for(
     frame: Callable[..., NDArray[Any]],
 ) -> None:
-    """The run also waits for a beam that moves so slowly that two successive frames show no motion.
-
-    The beam moves 1/50 px from frame to frame, which is below the limit.
-    """
+    # The beam moves 1/50 px from frame to frame, which is below the limit.
     assert waited_s(frame, lambda number: 0.02 * min(number, 60)) > 6.0
 
 
 @pytest.mark.parametrize("window_s", [0.05, 2.0])
 def test_quiet_pairs_between_jerks_do_not_count_as_rest(frame: Callable[..., NDArray[Any]], window_s: float) -> None:
-    """A beam that jumps at every third frame is not at rest.
-
-    Between two jumps, two pairs of successive frames show no motion.
-    """
+    # The beam jumps at every third frame. Between two jumps, two pairs of successive frames show no motion.
     assert waited_s(frame, lambda number: 2.0 * (min(number, 60) // 3), drift_window_s=window_s) > 6.0
 
 
@@ -138,7 +127,6 @@ def test_frames_buffered_by_the_camera_are_discarded(frame: Callable[..., NDArra
 
 
 def test_a_run_discards_frames_that_the_camera_buffered_before_it(setup: Any) -> None:
-    """The noise is measured on new frames of the beam at rest, not on frames that were buffered before the run."""
     stale, grab = [3], setup.camera.grab
 
     def flushed() -> None:
@@ -210,10 +198,7 @@ def test_the_run_sends_a_message_before_the_watchdog_of_the_supply_expires(asked
 
 
 class Watcher:
-    """A replacement for the guardian, the process that switches the coil off if a run dies.
-
-    It records the calls of the run, and may raise an error.
-    """
+    """A replacement for the guardian process: it records its calls, and may raise an error."""
 
     def __init__(self, did: list[str]) -> None:
         self.did, self.lost = did, False
@@ -268,10 +253,7 @@ def test_a_run_without_its_guardian_ends_with_the_coil_off() -> None:
 
 
 def test_a_signal_whose_error_was_dropped_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A signal ends the run even if Python has lost the exception that the signal raised, as it does in a destructor.
-
-    The run asks again and again whether there was a signal (`raise_if_asked`), which raises the exception once more.
-    """
+    # Python loses an exception that is raised in a destructor; `raise_if_asked` raises it once more.
     clock = SimulatedClock()
     supply = Obstinate(0.5, clock)
 
@@ -326,8 +308,7 @@ class Interrupting(KoradDialect):
 def a_korad(clock: SimulatedClock, interruption: Interruption, signals: int = 0) -> tuple[KoradSupply, list[bytes]]:
     """Return an emulated supply whose output is on, and the list of all messages sent to it.
 
-    interruption: the object that handles signals between two messages. signals: number of signals that the emulator
-    sends to this process when the current is set to 0.7 A.
+    signals: number of signals that the emulator sends to this process when the current is set to 0.7 A.
     """
     coil = CoilSupply(clock)
     coil.set_voltage(5.0)
@@ -342,7 +323,6 @@ def a_korad(clock: SimulatedClock, interruption: Interruption, signals: int = 0)
 @pytest.mark.parametrize("shown", [False, True])
 @pytest.mark.parametrize(("signals", "asked_on"), [(1, True), (2, False)])
 def test_a_second_signal_skips_the_remaining_read_backs(signals: int, asked_on: bool, shown: bool) -> None:
-    """After a second signal, the run switches off without reading the last set-point back from the supply."""
     clock = SimulatedClock()
     interruption = Interruption()
     supply, sent = a_korad(clock, interruption, signals)
@@ -365,10 +345,7 @@ def test_a_second_signal_skips_the_remaining_read_backs(signals: int, asked_on: 
 
 
 def test_a_second_signal_while_a_state_is_stored_switches_off_first() -> None:
-    """After a second signal while a state is stored, the coil is switched off before the state is stored completely.
-
-    At the end the run confirms once more that the coil is off.
-    """
+    # At the end the run confirms once more that the coil is off.
     clock = SimulatedClock()
     interruption = Interruption()
     supply, sent = a_korad(clock, interruption)

@@ -24,7 +24,7 @@ pytestmark = pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="more workers 
 
 
 def imported(run: Run, files: Path, images: list[NDArray[np.uint8]]) -> Path:
-    """Import the images as a dataset with one frame in each state; return its path."""
+    """Import images as a dataset with one frame in each state; return its path."""
     folder = files / "frames"
     folder.mkdir()
     lines = ["frame,current_A"]
@@ -39,7 +39,7 @@ def imported(run: Run, files: Path, images: list[NDArray[np.uint8]]) -> Path:
 
 
 def content(path: Path) -> dict[str, bytes]:
-    """Return the contents of all arrays of a dataset: a dictionary from the name of an array to its bytes."""
+    """Return the bytes of each array of a dataset, by name."""
     arrays: dict[str, bytes] = {}
 
     def keep(name: str, item: h5py.Group | h5py.Dataset) -> None:
@@ -55,10 +55,7 @@ def content(path: Path) -> dict[str, bytes]:
 def test_two_workers_give_the_same_dataset_as_one(
     run: Run, files: Path, frame: Callable[..., NDArray[np.uint8]]
 ) -> None:
-    """Two workers give the same dataset as one worker, byte by byte except the date.
-
-    The frames are corrected by a flat field (an image of the uneven light), and one state shows no beam.
-    """
+    # The frames are corrected by a flat field (an image of the uneven light), and one state shows no beam.
     images = [frame(seed, seed / 2) for seed in range(6)]
     images[3] = np.full_like(images[3], 200)
     one, two = imported(run, files, images), files / "two.h5"
@@ -94,10 +91,7 @@ def test_an_error_of_a_worker_is_reported_as_with_one_process(
 def test_a_signal_to_all_workers_ends_all_of_them_with_one_line(
     run: Run, files: Path, frame: Callable[..., NDArray[np.uint8]], number: signal.Signals
 ) -> None:
-    """If program and workers get a signal at the same time, all of them end, and one line of error is printed.
-
-    A terminal sends Ctrl-C to all processes at once; when it is closed, it sends the hang-up signal.
-    """
+    # A terminal sends Ctrl-C to all processes at once; when it is closed, it sends the hang-up signal.
     path = imported(run, files, [frame(seed) for seed in range(20)] * 3)
     before = path.read_bytes()
     process = subprocess.Popen(

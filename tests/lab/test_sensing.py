@@ -1,7 +1,4 @@
-"""Readings of the sensors of a rig are stored with every frame.
-
-A run ends if a reading leaves the bounds of an interlock.
-"""
+"""Sensor readings are stored with every frame; a reading outside the bounds of an interlock ends the run."""
 
 from __future__ import annotations
 
@@ -32,7 +29,7 @@ TRUE_MT_PER_A, REMANENT_MT = 4.5, 0.03
 class Emulated:
     """Emulated sensors of a bench, to which a test can add faults.
 
-    line, quantity: the emulated connection and the measured quantity, by the name of the sensor.
+    line, quantity: connection and measured quantity, by the name of the sensor.
     """
 
     def __init__(self, setup: Any, *tables: str) -> None:

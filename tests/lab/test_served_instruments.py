@@ -127,7 +127,7 @@ def test_the_supply_of_the_virtual_rig_speaks_like_a_korad(connected: dict[str, 
 
 
 def test_a_slanted_body_in_a_wide_and_in_a_high_frame_has_its_area() -> None:
-    """The covered area is that of the polygon, and each row has the width of the polygon there."""
+    # The covered area is that of the polygon, and each row has the width of the polygon there.
     slanted = np.array([[2.3, 1.2], [41.7, 5.1], [43.9, 9.3], [4.1, 7.7]])
     x, y = slanted.T
     area = 0.5 * abs(float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))))
@@ -169,7 +169,7 @@ def test_the_solid_is_solved_up_to_a_quarter_of_the_field_if_it_has_no_equilibri
 
 
 def test_a_rod_of_a_solid_without_an_equilibrium_gets_no_softening(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without an equilibrium under the large torque the rod does not soften; under a small load it is refused."""
+    # Under the large torque there is no equilibrium, and no softening; under a small load the rod is refused.
     specimen = Specimen(30.0, 3.0, 5.0, 1070.0, section="solid", magnet=Magnet(4.0, 3.0, 2.0, 1.2, 7500.0))
     tips = {"force": 1.1e-3, "small": 1.0e-3, "large": None}
     asked: list[str] = []

@@ -1,7 +1,4 @@
-"""After each signal (such as Ctrl-C), a run makes the right calls and reports the right events, in the right order.
-
-The tests replace the coil and the guardian, the process that switches the coil off if the run dies.
-"""
+"""After each signal (such as Ctrl-C), a run makes the right calls and reports the right events, in the right order."""
 
 from __future__ import annotations
 
@@ -32,10 +29,7 @@ OFF = Off(0.004, 0.02)
 
 
 class Part:
-    """A replacement for a coil, or for the process that switches it off if a run dies; it records its calls.
-
-    errors: the errors that the calls raise.
-    """
+    """A replacement for a coil or for its guardian process: it records its calls, and raises `errors`."""
 
     def __init__(self, done: list[Any], **answers: Any) -> None:
         self.done, self.answers = done, answers
@@ -307,7 +301,6 @@ def test_handlers_are_restored_and_ignored_signals_stay_ignored(bench: Bench) ->
 def test_a_run_of_the_page_obeys_ctrl_c_although_the_page_ignores_it(
     monkeypatch: pytest.MonkeyPatch, run: Callable[..., tuple[int, str]], tmp_path: Any, by_page: bool
 ) -> None:
-    """A run that the dashboard's page starts obeys Ctrl-C, also if the page ignores this signal."""
     handlers: list[Any] = []
 
     def run_protocol(*given: Any, **named: Any) -> None:

@@ -1,4 +1,4 @@
-"""The files of `eimi simulate` agree with each other, and with the simulated edges that define the error of a fit."""
+"""The files of `eimi simulate` agree with each other and with the simulated edges."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from tests.patience import PATIENCE_S
 
 
 def planar(name: str) -> SpecimenFile:
-    """Return a specimen of the program in plane strain, as in the published method, instead of as a solid."""
+    """Return a specimen of the program in plane strain."""
     text = load_specimen(name).text
     return parse(SpecimenFile, re.sub(r'section = "solid"', 'section = "plane-strain"', text), name)
 

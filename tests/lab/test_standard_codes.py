@@ -1,7 +1,4 @@
-"""The codes and names that other programs and standards define are right in the tables of this program.
-
-A test fails if a new row of a table is missing in this file.
-"""
+"""The codes and names of other programs and standards are right in the tables of this program."""
 
 from __future__ import annotations
 
@@ -25,10 +22,7 @@ from eimi_lab.vision.projection import _CHANNELS
 
 
 def test_grey_is_the_luma_of_opencv_and_a_channel_is_itself() -> None:
-    """The grey value of a pixel is the sum of its colours with the weights of ITU-R BT.601, as in OpenCV.
-
-    The colour channels are blue, green and red.
-    """
+    # The weights are those of ITU-R BT.601; the colour channels are blue, green and red.
     colours = np.random.default_rng(1).integers(0, 256, (50, 1, 3), dtype=np.uint8)
     places = {"blue": colours[..., 0], "green": colours[..., 1], "red": colours[..., 2]}
     places["grey"] = cv2.cvtColor(colours, cv2.COLOR_BGR2GRAY)
@@ -67,23 +61,20 @@ def test_each_dictionary_of_markers_has_its_number_of_markers() -> None:
     ],
 )
 def test_the_brands_of_heic_pictures(brand: bytes, words: str) -> None:
-    """The brand (the code of the format in the first bytes of a HEIC file) agrees with ISO/IEC 23008-12, annex B."""
+    # The brand is the code of the format in the first bytes of a HEIC file (ISO/IEC 23008-12, annex B).
     assert _BRANDS.keys() == {b"heic", b"heix", b"mif1", b"msf1", b"avif"}
     assert kind_of(b"\0\0\0\x18ftyp" + brand) == words
     assert kind_of(b"\0\0\0\x18free" + brand) == ""
 
 
 def test_the_codes_of_windows() -> None:
-    """The error numbers of Windows for a file in use, and the event numbers for a closing console, are right.
-
-    The errors are ERROR_ACCESS_DENIED, ERROR_SHARING_VIOLATION and ERROR_LOCK_VIOLATION.
-    """
+    # The errors of a file in use are ERROR_ACCESS_DENIED, ERROR_SHARING_VIOLATION and ERROR_LOCK_VIOLATION.
     assert replacing._IN_USE == (5, 32, 33)
     assert console._CLOSING == (2, 5, 6)
 
 
 def test_every_sign_of_latex_is_escaped() -> None:
-    """The ten special characters of LaTeX are escaped; a sign outside ASCII becomes a command."""
+    # A sign outside ASCII becomes a command.
     for sign in "&%$#_{}":
         assert _latex(f"a{sign}b") == f"a\\{sign}b"
     commands = {"\\": "textbackslash", "~": "textasciitilde", "^": "textasciicircum", "µ": "textmu", "…": "ldots"}
@@ -110,7 +101,7 @@ def test_every_sign_of_latex_is_escaped() -> None:
     ],
 )
 def test_the_media_type_of_a_published_file(ending: str, media_type: str) -> None:
-    """Published files have the media types of the IANA registry; HDF5, which is not registered, has its usual type."""
+    # The types are those of the IANA registry; HDF5, which is not registered, has its usual type.
     assert MEDIA_TYPES.keys() == {".h5", ".toml", ".json", ".inp", ".feb", ".html"}
     file = PublishedFile(PurePosixPath(f"a{ending}"), Path("a"), "other", 1, "", "", "")
     assert file.media_type == media_type

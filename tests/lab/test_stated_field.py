@@ -1,7 +1,4 @@
-"""The field of the coil is read from calibration.toml, and contradictory or impossible fields are refused.
-
-The virtual bench has the field of its files and, in addition, deviations from it that a fit does not know.
-"""
+"""The field of the coil is read from calibration.toml, and contradictory or impossible fields are refused."""
 
 from __future__ import annotations
 
@@ -121,7 +118,7 @@ def test_a_map_that_ends_before_the_tip_is_refused():
 
 
 def outline_mm(bench: str = "", calibration: str = CALIBRATION) -> np.ndarray:
-    """Return the outline of the virtual beam at 1 A: n points (x, y) in mm, shape (n, 2).
+    """Return the outline of the virtual beam at 1 A: n points, shape (n, 2), in mm.
 
     bench: TOML text with the differences between the bench and its files. calibration: text of calibration.toml.
     """

@@ -1,4 +1,4 @@
-"""The time limits and other bounds of a run agree with the documentation, on which users rely."""
+"""The time limits and other bounds of a run agree with the documentation."""
 
 from __future__ import annotations
 
@@ -39,10 +39,7 @@ def test_the_guardian_tries_for_an_hour_and_reports_every_minute() -> None:
 
 
 def test_the_times_of_run_and_guardian_leave_room_for_each_other() -> None:
-    """A run and its guardian, the process that switches the coil off, send signs of life often enough.
-
-    Without a sign, the guardian counts as gone after 1.5 s, and the run as stopped after 5 s.
-    """
+    # Without a sign of life, the guardian process counts as gone after 1.5 s, and the run as stopped after 5 s.
     assert 10 * guardian.BEAT_EVERY_S < guardian.SILENT_FOR_S < guardian.STILL_FOR_S < guardian.LONGEST_GAP_S
     assert coil.WATCH_EVERY_S < guardian.STILL_FOR_S
     assert ring_downs._EARLY_S < coil.WATCH_EVERY_S

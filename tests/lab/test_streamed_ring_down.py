@@ -1,7 +1,4 @@
-"""A run that records a free vibration with frames from another process reports every lost frame.
-
-This is also the case if the computer is busy.
-"""
+"""A run that records a free vibration with frames from another process reports every lost frame."""
 
 from __future__ import annotations
 

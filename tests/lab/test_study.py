@@ -1,8 +1,4 @@
-"""The study of eimi_lab repeats the evaluation of Di Lecce et al. (2022) with simulated materials.
-
-The materials follow none of the fitted laws. The study stores its results in parts, and compares the claims of the
-paper with its results.
-"""
+"""The study repeats the evaluation of Di Lecce et al. (2022) with simulated materials, and compares its claims."""
 
 from __future__ import annotations
 
@@ -112,10 +108,7 @@ def test_the_page_shows_all_tables_and_figures(short):
 
 
 def test_the_figures_of_a_study_are_as_accepted(short, tmp_path):
-    """The figures of a study agree with the accepted description in `printed/study_figures.txt`.
-
-    If the test fails, read the differences before you copy the new description over the accepted one.
-    """
+    # Read the differences before you copy a new description over `printed/study_figures.txt`.
     _, _, findings = short
     with matplotlib.rc_context(STYLE):
         drawn = {

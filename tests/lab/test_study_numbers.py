@@ -33,7 +33,7 @@ def test_the_noise_of_a_specimen_is_reproducible_and_differs_from_that_of_others
 
 
 def test_a_window_contains_only_strains_up_to_its_limit() -> None:
-    """A fit with a strain window of 20 % ignores the curve beyond 20 %, where it is twice as stiff."""
+    # The curve is twice as stiff beyond the limit of 20 %.
     strain = np.linspace(0.01, 1.0, 100)
     soft, stiff = (engineering_stress(LAWS["neo-hookean"], np.array([mu]), strain) for mu in (20e3, 40e3))
     stress = np.where(strain <= 0.2, soft, stiff)

@@ -39,9 +39,9 @@ Serve = Callable[..., tuple[CoilSupply, str]]
 
 @pytest.fixture
 def serve() -> Iterator[Serve]:
-    """Return a function that serves an emulated supply on TCP; it returns the supply with its load and the address.
+    """Return a function that serves an emulated supply on TCP, and returns the supply and the address.
 
-    driver: name of the driver. resistance_ohm: resistance at the output, by default an open circuit.
+    resistance_ohm: resistance at the output, by default an open circuit.
     """
     with ExitStack() as stack:
 
@@ -171,7 +171,7 @@ FORM_FIELDS = (
 
 
 class Watcher:
-    """A replacement for the guardian, the process that switches the supply off if a trial fails; records the calls."""
+    """A replacement for the guardian process, which records its calls."""
 
     def __init__(self) -> None:
         self.told: list[Any] = []

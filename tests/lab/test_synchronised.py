@@ -1,4 +1,4 @@
-"""Reported data are on the disk: every file is synchronised before the program reports that it was written."""
+"""Every file is on the disk before the program reports that it was written."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def header(files: Path) -> Header:
 
 @pytest.fixture
 def synchronised(monkeypatch: pytest.MonkeyPatch) -> dict[int, bytes]:
-    """What is on the disk: the contents of each file when it was last synchronised, by the inode number of the file."""
+    """The contents of each file when it was last synchronised, by the inode number of the file."""
     contents: dict[int, bytes] = {}
     fsync = os.fsync
 
@@ -80,10 +80,8 @@ def test_a_state_is_on_the_disk_when_it_is_acknowledged(
 def test_a_run_reacts_while_a_busy_disk_writes_a_state(
     files: Path, frame: Draw, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """While the writer of a dataset waits for the disk, it calls `beat` in the main thread again and again.
-
-    With this function, the run shows that it is alive, and reacts to signals.
-    """
+    # While the writer waits for the disk, it calls `beat` in the main thread: the run shows that it is alive, and
+    # reacts to signals.
     writes, alive = threading.Event(), threading.Event()
 
     def of_a_busy_disk(descriptor: int) -> None:
@@ -176,7 +174,7 @@ def test_a_file_of_another_format_is_not_read(files: Path, frame: Draw, format_:
 
 
 def test_recovery_leaves_out_frames_that_belong_to_no_stored_state(files: Path, frame: Draw) -> None:
-    """Recovery leaves out frames whose state is not in the table of states, as a crash may leave them in the file."""
+    # A crash may leave such frames in the file.
     path = files / "run.h5"
     with DatasetWriter(path, header(files), Frame(frame(0), 0, 0.0)) as writer:
         for k in range(3):
@@ -212,10 +210,7 @@ def test_a_dark_frame_is_dark(dark: int, fits: bool) -> None:
 
 
 def test_edges_are_removed_when_calibration_or_correction_images_change(files: Path, frame: Draw) -> None:
-    """A change of the calibration or of the flat field (an image of the uneven light) removes the edges at once.
-
-    The next segmentation may be interrupted, so that old edges would stay in the dataset.
-    """
+    # The next segmentation may be interrupted, so that old edges would stay in the dataset.
     path = files / "run.h5"
     with DatasetWriter(path, header(files), Frame(frame(0), 0, 0.0)) as writer:
         writer.append_state([Frame(frame(0), 0, 0.0)], current_A=0.1, field_mT=0.47)

@@ -112,10 +112,7 @@ def test_any_text_is_read_or_refused_in_one_line(tmp_path_factory: pytest.TempPa
 
 
 def test_a_negative_initial_modulus_is_a_result_but_cannot_be_a_card(run: Run, tmp_path: Path) -> None:
-    """A tensile fit with a negative initial modulus is stored with doubts (warnings), but not exported to a card.
-
-    A Mooney-Rivlin fit to a stiffening curve may have a negative modulus, which no solver accepts.
-    """
+    # A Mooney-Rivlin fit to a stiffening curve may have a negative modulus, which no solver accepts.
     strain = np.linspace(0.2, 7.0, 60)
     rows = (f"{e},{46 * e + 2 * e**3}" for e in strain)
     (tmp_path / "curve.csv").write_text("\n".join(["strain,stress_kPa", *rows]) + "\n")

@@ -1,7 +1,4 @@
-"""`eimi fit --time prony` fits a viscoelastic (Prony) law to imported ring-downs (free vibrations).
-
-The law is in the results, in material cards and in the report. Data that cannot be fitted are refused.
-"""
+"""`eimi fit --time prony` fits a viscoelastic (Prony) law to imported ring-downs (free vibrations)."""
 
 from __future__ import annotations
 

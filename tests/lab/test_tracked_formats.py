@@ -1,4 +1,4 @@
-"""Points from other tracking programs are imported; each file has the format of one of these programs."""
+"""Points from other tracking programs are imported from files in their formats."""
 
 from __future__ import annotations
 
@@ -43,10 +43,7 @@ def imported(run: Run, files: Path, source: Path, tool: str, *options: object, s
 
 
 def check(files: Path, sigma_mm: float, tolerance: float = 1e-4) -> None:
-    """Assert that the imported points of both states have the right coordinates, and that a fit accepts the points.
-
-    sigma_mm: expected standard deviation of the points.
-    """
+    """Assert that the imported points have the right places and the deviation `sigma_mm`, and can be fitted."""
     with open_dataset(files / "out.h5") as dataset:
         assert [state.field_mT for state in dataset.states] == [0.0, 2.5]
         rest, bent = dataset.points()
@@ -83,10 +80,7 @@ def test_dice_files_of_frames_are_imported(run: Run, files: Path) -> None:
 
 
 def test_dice_files_of_subsets_are_imported(run: Run, files: Path) -> None:
-    """A folder of DICe with one file for each subset is imported, as in DICe's tests/examples/mechanism.
-
-    The frame numbers begin at 4837, because a high-speed camera has counted the frames.
-    """
+    # As in DICe's tests/examples/mechanism; a high-speed camera has counted the frames, from 4837.
     places = in_pixels(files)
     (files / "results").mkdir()
     for k in range(3):
@@ -103,10 +97,10 @@ def test_dice_files_of_subsets_are_imported(run: Run, files: Path) -> None:
 def ncorr_grid(
     places: np.ndarray, spacing: int, pixel: float
 ) -> tuple[np.ndarray, list[tuple[np.ndarray, np.ndarray]]]:
-    """Return tracked points in the form in which Ncorr stores them: grid points, and displacements along x and y.
+    """Return tracked points as Ncorr stores them: grid points, and displacements along x and y.
 
-    places: the points in each picture in px, shape (pictures, n, 2). spacing: number of pixels between two points of
-    the grid. pixel: size of a pixel in the unit of the displacements.
+    places: points in px, (pictures, n, 2). spacing: pixels between grid points. pixel: size of a pixel in the unit of
+    the displacements.
     """
     on_grid = np.rint(places[0] / (spacing + 1)).astype(int)
     fields = []
@@ -121,7 +115,7 @@ def ncorr_grid(
 @pytest.mark.parametrize("pictures", [1, 2])
 @pytest.mark.parametrize("version", ["7.3", "7"])
 def test_ncorr_files_are_imported(run: Run, files: Path, version: str, pictures: int) -> None:
-    """A file of Ncorr is imported in version 7 and in version 7.3 of MATLAB's format, with one picture or several."""
+    # The files have the versions 7 and 7.3 of MATLAB's format, with one picture or several.
     places = in_pixels(files)
     rest, fields = ncorr_grid(np.stack([places[0], *[places[1]] * pictures]), 1, 0.125)
     path = files / "dic.mat"
@@ -169,7 +163,7 @@ class _Pickler(pickle.Pickler):
 
 
 def as_mudic_saves(monkeypatch: pytest.MonkeyPatch, path: Path, **attributes: Any) -> Path:
-    """Write a pickle of a muDIC.solver.correlate.DICOutput, and return its path; µDIC itself is not installed."""
+    """Write a pickle of a muDIC.solver.correlate.DICOutput without µDIC, and return its path."""
     with monkeypatch.context() as context:
         for name in ("muDIC", "muDIC.solver", "muDIC.solver.correlate", "dill", "dill._dill"):
             context.setitem(sys.modules, name, types.ModuleType(name))
@@ -222,7 +216,7 @@ IN_OWN_AXES = ("--pixels-per-mm", "8", "--clamp", "65,88", "--axis", "-90", "--g
 
 @pytest.mark.parametrize("ending", ["csv", "tsv"])
 def test_dltdv_files_are_imported(run: Run, files: Path, ending: str) -> None:
-    """The file xypts.csv of DLTdv7 and the sparse file of DLTdv8 are imported; their first frame is empty."""
+    # The files are xypts.csv of DLTdv7 and the sparse file of DLTdv8; their first frame is empty.
     table = upward(in_pixels(files)).reshape(2, 6)
     if ending == "csv":
         header = ",".join(f"pt{k + 1}_cam1_{axis}" for k in range(3) for axis in "XY")
@@ -238,16 +232,13 @@ def test_dltdv_files_are_imported(run: Run, files: Path, ending: str) -> None:
 
 
 def check_orientation(files: Path) -> None:
-    """Assert that the tip of the imported points is on the +y side, and not on the mirrored side."""
+    """Assert that the tip of the imported points is on the +y side, and not mirrored."""
     with open_dataset(files / "out.h5") as dataset:
         assert dataset.points()[1].points_mm[2, 1] > 1.9
 
 
 def test_dltdv_files_in_three_dimensions_are_imported(run: Run, files: Path) -> None:
-    """A file of DLTdv with points in three dimensions, in metres, is imported with and without gravity.
-
-    The beam hangs along -z and bends along x.
-    """
+    # The points are in metres. The beam hangs along -z and bends along x.
     frames = [
         np.column_stack([0.2 + mm[:, 1] / 1e3, np.full(3, 0.7), 0.5 - mm[:, 0] / 1e3]) for mm in (REST_MM, BENT_MM)
     ]
@@ -268,7 +259,7 @@ def test_dltdv_files_in_three_dimensions_are_imported(run: Run, files: Path) -> 
 
 @pytest.mark.parametrize("kind", ["several", "decimal comma", "one of version 4"])
 def test_tracker_files_are_imported(run: Run, files: Path, kind: str) -> None:
-    """Files of the program Tracker are imported: version 6 with several tracks, a German locale, and version 4."""
+    # The files are those of version 6 with several tracks, of a German locale, and of version 4.
     cm = [np.column_stack([5.0 + mm[:, 1] / 10, 2.0 - mm[:, 0] / 10]) for mm in (REST_MM, BENT_MM)]  # y points up
     tracks = [0] if kind == "one of version 4" else [0, 1, 2]
     rows = []
@@ -302,7 +293,7 @@ def test_tracker_files_are_imported(run: Run, files: Path, kind: str) -> None:
 
 @pytest.mark.parametrize("animals", [False, True])
 def test_deeplabcut_files_are_imported(run: Run, files: Path, animals: bool) -> None:
-    """CSV files of DeepLabCut with one animal or several are imported; points with a small likelihood are left out."""
+    # The files have one animal or several; points with a small likelihood are left out.
     places = in_pixels(files)
     parts = ["root", "middle", "tip", "lost"]
     scorer = "DLC_resnet50_beamNov21shuffle1_50000"
@@ -323,7 +314,7 @@ def test_deeplabcut_files_are_imported(run: Run, files: Path, animals: bool) -> 
 
 
 def test_c3d_files_are_imported(run: Run, files: Path) -> None:
-    """A C3D file (motion capture), which the package ezc3d writes in mm, is imported."""
+    # The package ezc3d writes a C3D file (motion capture) in mm.
     ezc3d = pytest.importorskip("ezc3d")
     points = np.ones((4, 4, 2))
     for k, mm in enumerate((REST_MM, BENT_MM)):

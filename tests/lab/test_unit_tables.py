@@ -1,4 +1,4 @@
-"""Every unit that a file may use agrees with its definition. A test fails if a new unit is missing in this file."""
+"""Every unit that a file may use agrees with its definition."""
 
 from __future__ import annotations
 
@@ -35,7 +35,6 @@ def test_lengths() -> None:
 
 @pytest.mark.parametrize("unit", LENGTHS_MM)
 def test_points_and_their_deviations_are_converted(unit: str) -> None:
-    """Points and their standard deviations are converted from each unit to mm in the beam frame."""
     tracks = Tracks(
         places=np.array([[[1.0, 2.0], [1.0, 5.0]], [[0.0, 2.0], [1.5, 5.0]]]),
         frames=np.array([1, 2]),
@@ -73,10 +72,7 @@ def test_the_first_letter_of_a_plane_is_the_first_axis(plane: str, axes: tuple[i
 
 @pytest.mark.parametrize(("unit", "per_mm"), [(2, 1 / 25.4), (3, 0.1), (4, 1.0), (5, 1000.0)])
 def test_the_resolution_of_a_sensor_in_every_unit_of_exif(tmp_path: Path, unit: int, per_mm: float) -> None:
-    """The focal length in px is right for every unit of the resolution of a sensor in Exif data.
-
-    FocalPlaneResolutionUnit of Exif 2.3, 4.6.5: 2 is inch, 3 is cm, 4 is mm, 5 is micrometre (4 and 5: TIFF/EP).
-    """
+    # FocalPlaneResolutionUnit of Exif 2.3, 4.6.5: 2 is inch, 3 is cm, 4 is mm, 5 is micrometre (4 and 5: TIFF/EP).
     assert _MM_PER_UNIT.keys() == {2, 3, 4, 5}
     pixels_per_mm = 250.0
     exif = Image.Exif()
@@ -113,7 +109,7 @@ def test_readings_of_a_supply() -> None:
 
 
 def test_quantities_of_sensors() -> None:
-    """Each quantity that a sensor measures has the right unit, and the right name in the NeXus class NXsensor."""
+    # Each measured quantity has the right unit, and the right name in the NeXus class NXsensor.
     assert UNITS == {"field": "mT", "specimen_temperature": "degC", "coil_temperature": "degC"}
     assert MEASUREMENTS == {
         "field": "magnetic_field",
@@ -123,10 +119,7 @@ def test_quantities_of_sensors() -> None:
 
 
 def test_units_in_a_dataset() -> None:
-    """Every column of a dataset that contains a physical quantity is stored with the right unit.
-
-    The columns are given by their names in the file format.
-    """
+    # The columns are given by their names in the file format.
     units = {"s": ("time", "timestamp", "elapsed"), "A": ("current", "set_current", "measured_current")}
     units |= {"mT": ("field",), "N": ("tip_force",)}
     expected = {column: unit for unit, columns in units.items() for column in columns}
@@ -140,10 +133,7 @@ def test_units_in_a_dataset() -> None:
 
 
 def test_the_roots_of_a_clamped_beam_solve_its_equation() -> None:
-    """The stored roots for the vibration modes of a beam that is clamped at one end solve cos x cosh x = -1.
-
-    Source: Timoshenko, Vibration Problems in Engineering, section 54.
-    """
+    # cos x cosh x = -1; Timoshenko, Vibration Problems in Engineering, section 54.
     assert np.cos(ROOTS) + 1 / np.cosh(ROOTS) == pytest.approx(0.0, abs=1e-9)
     assert [round(root / np.pi + 0.5) for root in ROOTS] == [1, 2, 3]
 

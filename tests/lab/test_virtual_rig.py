@@ -28,10 +28,7 @@ def specimen() -> SpecimenFile:
 
 
 def rig(seed: int = 1, **of_calibration: Any) -> Rig:
-    """Return the program's own virtual rig with a coarse mesh and small frames.
-
-    of_calibration: values that replace values of the calibration.
-    """
+    """Return the program's own virtual rig with a coarse mesh, small frames, and changed values of the calibration."""
     shipped = load_rig("virtual")
     assert shipped.virtual is not None
     virtual = shipped.virtual.model_copy(
@@ -90,7 +87,6 @@ def test_a_small_step_of_the_current_moves_the_beam(specimen: SpecimenFile) -> N
 
 
 def test_without_gravity_the_beam_does_not_bend(specimen: SpecimenFile) -> None:
-    """Gravity at an angle bends a hanging beam, unless the calibration has gravity = false."""
     soft = parse(SpecimenFile, specimen.text.replace('"Dragon Skin 10"', '"Ecoflex 00-50"'), "soft")
     bent = middle_px(frame_and_readings(rig(gravity_angle_deg=70.0), soft)[0])
     straight = middle_px(frame_and_readings(rig(gravity_angle_deg=70.0, gravity=False), soft)[0])
@@ -102,10 +98,7 @@ def test_without_gravity_the_beam_does_not_bend(specimen: SpecimenFile) -> None:
 def test_other_programs_on_the_computer_cannot_let_a_virtual_camera_miss_its_deadline(
     specimen: SpecimenFile, monkeypatch: pytest.MonkeyPatch, rig: str, clock: Callable[[], float]
 ) -> None:
-    """The time limit of a virtual camera counts the processor time of the run, and not the elapsed time.
-
-    So other programs on the computer cannot let the camera exceed its limit.
-    """
+    # The time limit counts the processor time of the run, and not the elapsed time.
     given: list[Callable[[], float]] = []
 
     class Opened(Exception):

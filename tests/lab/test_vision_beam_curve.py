@@ -1,8 +1,4 @@
-"""When a beam is followed from frame to frame, errors near its tip do not add up.
-
-A curve describes the beam in each frame. The ends of the curve are uncertain, and are drawn toward the expected curve.
-Large deflections are still followed.
-"""
+"""When a beam is followed from frame to frame, errors near its tip do not add up."""
 
 from __future__ import annotations
 

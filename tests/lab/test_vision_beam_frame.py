@@ -1,4 +1,4 @@
-"""The map between pixels and the beam frame (x along the clamped beam, y across, in mm) is right for every mounting."""
+"""The map between pixels and the beam frame (x along the beam, y across, in mm) is right for every mounting."""
 
 import numpy as np
 import pytest
@@ -100,7 +100,7 @@ def test_empty_arrays_of_points_stay_empty():
 
 
 def test_the_optical_axis_passes_through_the_principal_point() -> None:
-    """The optical axis passes through the principal point of the camera matrix, or else through the image centre."""
+    # Without a camera matrix, the axis passes through the image centre.
     matrix = ((2000.0, 0.0, 700.0), (0.0, 2000.0, 430.0), (0.0, 0.0, 1.0))
     lens = {"telecentric": False, "stand_off_mm": 200.0}
     with_matrix = BeamFrame(calibration(camera_matrix=matrix, distortion=DISTORTION, **lens))

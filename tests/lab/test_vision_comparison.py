@@ -1,4 +1,4 @@
-"""The published edge methods in the benchmark have the same errors as independent implementations of these methods."""
+"""The published edge methods in the benchmark have the same errors as independent implementations."""
 
 import numpy as np
 import pytest

@@ -1,7 +1,4 @@
-"""The edges that are detected in rendered frames have small errors, and standard deviations that match the errors.
-
-Order and spacing of the points and the corners of the beam are right.
-"""
+"""The edges that are detected in rendered frames have small errors, and standard deviations that match the errors."""
 
 from dataclasses import replace
 from functools import lru_cache
@@ -86,10 +83,7 @@ def test_the_computed_deviation_matches_the_scatter_at_other_spacings(spacing_mm
 
 
 def test_the_computed_deviation_of_a_slender_beam_matches_the_scatter():
-    """The computed standard deviation of edge points agrees with their errors also for a beam 30 times as long as wide.
-
-    Each edge of this beam has a hundred points, more than a tenth of the beam's width apart.
-    """
+    # The beam is 30 times as long as wide; each edge has a hundred points, more than a tenth of the width apart.
     sizes = {"length_mm": 60.0, "width_mm": 2.0}
     magnet = SPECIMEN.magnet.model_copy(update={"width_mm": 2.0})
     specimen = SpecimenFile(specimen=SPECIMEN.specimen.model_copy(update=sizes), magnet=magnet)
@@ -108,10 +102,7 @@ def test_the_computed_deviation_of_a_slender_beam_matches_the_scatter():
 @pytest.mark.parametrize("silicone_px", [0.5, 1.5, 3.0, 6.0])
 @pytest.mark.parametrize("share", [0.0, 0.5])
 def test_thin_silicone_beside_the_magnet(silicone_px, share):
-    """Beside the magnet, where the silicone of the beam is thin, the edges of the beam have no bias.
-
-    Every profile of grey values there crosses two edges: that of the beam and that of the magnet.
-    """
+    # The edges have no bias, although every profile crosses the edges of the beam and of the magnet.
     specimen = with_silicone_beside(silicone_px)
     beam = bend(specimen, 30.0)
     beam = off_middle(beam, share * silicone_px / CALIBRATION.pixels_per_mm)
@@ -129,10 +120,6 @@ def test_thin_silicone_beside_the_magnet(silicone_px, share):
 
 @pytest.mark.parametrize("row", ["3 px, silicone 30 %", "0.5 px, hard, 40 000 electrons"])
 def test_the_computed_deviation_beside_a_narrower_magnet_matches_the_scatter(row):
-    """The computed standard deviation agrees with the errors where two edges are close together in uneven light.
-
-    They are the edge of the beam and the edge of a magnet that is narrower than the beam.
-    """
     optics, silicone_px, _ = BESIDE[row]
     magnet_mm = SPECIMEN.magnet.length_mm
     rows = measure(optics, (-75.0, -10.0, 20.0, 90.0), 2, 5, with_silicone_beside(silicone_px), 0.0, magnet_mm)
@@ -155,7 +142,7 @@ def test_the_computed_deviation_covers_uneven_light_beside_the_magnet():
 
 
 def test_a_body_close_to_the_beam_does_not_count_as_uneven_light():
-    """A dark rod 19 px beside the beam does not displace the edges of the beam."""
+    # The body is a dark rod 19 px beside the beam.
     beam = bend(SPECIMEN, 0.0)
     scene = make_bent_scene(NOMINAL, CALIBRATION, SPECIMEN, beam)
     image = expose(scene, np.random.default_rng(0))
@@ -171,7 +158,7 @@ def test_a_body_close_to_the_beam_does_not_count_as_uneven_light():
 
 @pytest.mark.parametrize("angle_deg", [-15.0, 10.0, 40.0, 75.0])
 def test_the_tip_of_a_beam_16_px_wide_is_found(angle_deg):
-    """The tip of a narrow beam is found, although only six pixels of its edge are far enough from the two corners."""
+    # Only six pixels of the edge of the tip are far enough from the two corners.
     calibration = CALIBRATION.model_copy(update={"pixels_per_mm": 16 / 3, "clamp_midpoint_px": (320.3, 50.6)})
     beam = bend(SPECIMEN, angle_deg)
     scene = make_bent_scene(replace(NOMINAL, background=0.7), calibration, SPECIMEN, beam, (640, 512))
@@ -184,10 +171,7 @@ def test_the_tip_of_a_beam_16_px_wide_is_found(angle_deg):
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")
 def test_clipping_is_measured_on_a_narrow_beam_out_of_focus():
-    """The check for clipped (saturated) grey values gives no numerical warning on a narrow beam out of focus.
-
-    The edges are located, and have the flag DEFOCUS.
-    """
+    # The check for saturated grey values gives no numerical warning; the edges are located, and have the flag DEFOCUS.
     calibration = CALIBRATION.model_copy(update={"pixels_per_mm": 16 / 3, "clamp_midpoint_px": (320.3, 50.6)})
     optics = replace(NOMINAL, blur_px=3.5, background=0.7)
     scene = make_bent_scene(optics, calibration, SPECIMEN, bend(SPECIMEN, 0.0), (640, 512))
@@ -232,10 +216,7 @@ def test_with_dirt_on_every_widely_spaced_point_other_points_are_detected():
 
 
 def test_a_drawn_picture_without_noise_has_a_positive_deviation():
-    """The standard deviation of points on a drawn edge without noise is positive.
-
-    A standard deviation of 0 would be an infinite weight in a fit.
-    """
+    # A standard deviation of 0 would be an infinite weight in a fit.
     x, y = np.meshgrid(np.arange(1280.0), np.arange(1024.0))
     dark = ((np.abs(x - 640.0) < 38.0) & (y < 850.0)) | ((np.abs(x - 640.0) < 150.0) & (y < 100.0))
     drawn = cv2.GaussianBlur(np.where(dark, 20.0, 200.0), (0, 0), 1.2).astype(np.uint8)

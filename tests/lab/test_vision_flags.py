@@ -58,7 +58,7 @@ def test_a_new_flag_needs_only_one_entry_in_the_table(monkeypatch):
 
 
 def test_the_severity_of_a_flag_and_the_deviation_it_adds():
-    """A flag (warning) that makes edges doubtful adds a standard deviation to the points; other flags add none."""
+    # A flag that makes edges doubtful adds a standard deviation to the points; other flags add none.
     [clipped] = judge({"saturated_share": 1.0})
     assert (clipped.severity, leaves_out([clipped])) == (Severity.DOUBTFUL, False)
     assert clipped.widens_mm(25.0, 3.0, 5.0) > 0.26 / 25.0  # docs/why/edges.md gives this error of a clipped back-light

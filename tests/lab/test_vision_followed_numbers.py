@@ -1,7 +1,4 @@
-"""Intermediate results of the search that follows a beam agree with the drawn pictures.
-
-Further tests concern mixtures of the colour channels.
-"""
+"""Intermediate results of the search that follows a beam agree with the drawn pictures."""
 
 from __future__ import annotations
 
@@ -42,7 +39,7 @@ def calibration_with(**help_given: object) -> object:
 
 
 def scattered(along: Array, seed: int) -> Array:
-    """Return points of an edge with one and a half waves and a scatter of 0.5 px: (x, y) in px, shape (n, 2).
+    """Return n points of a wavy edge with a scatter of 0.5 px: (x, y) in px, shape (n, 2).
 
     along: the n positions along the edge in px.
     """
@@ -52,10 +49,7 @@ def scattered(along: Array, seed: int) -> Array:
 
 @pytest.mark.parametrize("few_of", [0.3, 0.0])
 def test_the_shape_of_an_edge_does_not_count_as_scatter_where_points_are_few(few_of: float) -> None:
-    """The scatter of the points of a wavy edge is estimated rightly, also if a part of the edge has few points.
-
-    few_of: the part, as a share of the length.
-    """
+    # few_of: the part of the edge that has few points, as a share of the length.
     along = np.linspace(0.0, 1000.0, 120)
     along = along[(along > few_of * 1000.0) | (np.arange(120) % 10 == 0)]
     stated = [np.median(estimate_scatter(scattered(along, seed), np.ones(len(along)))[1]) for seed in range(12)]
@@ -95,8 +89,7 @@ def test_positions_are_converted_between_the_scaled_picture_and_the_image() -> N
 def sampled(colours: Array, turn_rad: float = 0.0) -> UnrolledPicture:
     """Return a noisy picture of a beam, as grey values at places along the beam and 53 points across it.
 
-    colours: the grey values without noise, shape (n, 53). turn_rad: angle by which the beam turns over a length equal
-    to its width.
+    colours: grey values without noise, (n, 53). turn_rad: turn of the beam over a length equal to its width.
     """
     stations = len(colours)
     along = np.arange(stations) / 12.0
@@ -116,15 +109,12 @@ def sampled(colours: Array, turn_rad: float = 0.0) -> UnrolledPicture:
 
 
 def bright_beam(stations: int) -> Array:
-    """Return the grey values of a bright beam (200) on a dark background (50), (stations, 53): along and across."""
+    """Return the grey values, (stations, 53), of a bright beam (200) on a dark background (50)."""
     return np.tile(np.where(np.abs(np.arange(-26, 27)) < 12, 200.0, 50.0), (stations, 1))
 
 
 def test_a_long_edge_with_many_gaps_is_joined_with_one_direction_for_each_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The pieces of an edge with 40 gaps are joined, and the direction of the edge is measured once for each piece.
-
-    If the direction were measured for each pair of pieces, a long edge would take long.
-    """
+    # If the direction were measured for each pair of pieces, an edge with 40 gaps would take long.
     measured_directions = []
 
     def svd(*arguments: object, **options: object) -> object:
@@ -144,10 +134,7 @@ def test_a_long_edge_with_many_gaps_is_joined_with_one_direction_for_each_run(mo
 
 
 def test_an_edge_of_a_bent_beam_continues_behind_a_stain_beside_which_the_other_edge_is_sure() -> None:
-    """If a stain hides a part of one edge of a strongly bent beam, the edge is followed behind the stain.
-
-    The stain has the colour of the background, and hides the left edge along two widths of the beam.
-    """
+    # The stain has the colour of the background, and hides the left edge along two widths of the beam.
     stained = bright_beam(120)
     stained[48:72, :21] = 50.0
     wider = stained.copy()
@@ -162,10 +149,7 @@ def test_an_edge_of_a_bent_beam_continues_behind_a_stain_beside_which_the_other_
 
 @pytest.mark.parametrize(("region", "moved"), [(130.0, True), (230.0, False)])
 def test_the_stated_width_tells_an_edge_from_the_border_of_a_shadow_in_grey(region: float, moved: bool) -> None:
-    """Beside a shadow in a grey picture, the edge of the beam is found by the width in the specimen file.
-
-    A region beside the beam that is brighter than the background is no shadow.
-    """
+    # A region beside the beam that is brighter than the background is no shadow.
     colours = 250.0 - bright_beam(120)
     colours[:, 38:47] = region
     unrolled = sampled(colours)
@@ -197,10 +181,7 @@ def test_a_picture_of_a_narrow_beam_is_not_enlarged_to_find_its_edges(monkeypatc
 
 
 def test_blur_moves_neither_edge_of_a_bent_beam() -> None:
-    """A blur of 6 px moves neither edge of a bent beam.
-
-    Without a correction, the blur would move one edge outward and the other edge inward by 0.08 px.
-    """
+    # Without a correction, the blur of 6 px would move one edge outward and the other edge inward by 0.08 px.
     photo = photograph("uneven light", np.random.default_rng(3), 110.0, COLOURS)
     blurred = cv2.GaussianBlur(photo.image, (0, 0), 6.0)
     left, right = errors_px(find_edges(blurred, CALIBRATION, SPECIMEN), photo.beam, CALIBRATION)
@@ -209,10 +190,7 @@ def test_blur_moves_neither_edge_of_a_bent_beam() -> None:
 
 @pytest.mark.parametrize("polarity", ["dark", "bright"])
 def test_the_beam_of_the_given_polarity_is_followed(polarity: str) -> None:
-    """Of a dark and a bright stripe at equal distances from the clamp, the stripe of the given kind is followed.
-
-    polarity: "dark" or "bright".
-    """
+    # A dark and a bright stripe are at equal distances from the clamp.
     image = np.full((720, 960), 120.0)
     image[90:510, 432:474] = 50.0
     image[90:510, 486:528] = 190.0
@@ -222,10 +200,7 @@ def test_the_beam_of_the_given_polarity_is_followed(polarity: str) -> None:
 
 
 def test_an_earlier_state_does_not_outweigh_the_picture() -> None:
-    """If the stripe that was the beam in an earlier state has become too short, a longer stripe is taken as the beam.
-
-    Both stripes begin beside the clamp.
-    """
+    # The stripe that was the beam has become too short; a longer one begins beside the clamp, too.
 
     def two(left_px: int, right_px: int) -> Array:
         image = np.full((720, 960, 3), 120.0)
@@ -258,10 +233,7 @@ def test_light_clipped_at_one_edge_is_measured() -> None:
 
 
 def test_the_contrast_of_the_fainter_edge_is_reported() -> None:
-    """The reported contrast is the contrast of the fainter edge, here the right edge.
-
-    The background on the right resembles the beam.
-    """
+    # The background on the right resembles the beam.
     image = plain(colours=np.array([[90.0, 90.0, 90.0], [190.0, 190.0, 190.0]]))
     even = follow_beam(image, CALIBRATION, SPECIMEN).findings["followed_contrast"]
     image[95:, 502:] = np.clip(image[95:, 502:].astype(int) - 60, 0, 255)
@@ -283,10 +255,7 @@ def test_each_named_channel_has_its_own_colour() -> None:
 
 
 def test_the_given_colour_of_a_beam_is_in_the_order_red_green_blue() -> None:
-    """The colour that a user gives for the beam is in the order red, green, blue.
-
-    In the grey picture that is computed for this colour, a red beam is brighter than its grey background.
-    """
+    # In the grey picture for this colour, a red beam is brighter than its grey background.
     image = plain()
     values = choose_projection([image], calibration_with(beam_colour=(170, 50, 40)), 3.0, 30.0).apply(image)
     assert float(values[300, 480]) > float(np.median(values)) + 40.0
@@ -295,7 +264,7 @@ def test_the_given_colour_of_a_beam_is_in_the_order_red_green_blue() -> None:
 
 
 def test_the_beam_is_followed_in_the_given_channel() -> None:
-    """A beam that differs from its background only in blue is found if the user chooses blue, and not if red."""
+    # The beam differs from its background only in blue.
     image = plain(colours=np.array([[40.0, 120.0, 120.0], [200.0, 120.0, 120.0]]))
     for channel, is_found in (("blue", True), ("red", False)):
         calibration = calibration_with(channel=channel)
@@ -347,10 +316,7 @@ def shadowed(softness_px: float) -> Array:
 
 
 def test_an_edge_that_may_be_the_border_of_a_shadow_is_doubtful_by_its_blur() -> None:
-    """In a grey picture, an edge with more blur is doubtful, because it may be the border of a shadow.
-
-    The flag (warning) of this doubt adds a standard deviation of at least the blur to the points.
-    """
+    # The flag of this doubt adds a standard deviation of at least the blur to the points.
     alone = find_edges(plain(colours=np.array([[60.0] * 3, [200.0] * 3]), seed=4)[..., 0].copy(), CALIBRATION, SPECIMEN)
     assert "OWN_SHADOW" not in {flag.name for flag in alone.flags}
     for softness_px in (2.0, 4.0):
@@ -401,10 +367,10 @@ def test_a_projection_keeps_the_scale_of_the_camera() -> None:
 def findings_of(
     unsure: float = 0.0, gain: float = 0.8, deviations: float = 10.0, length: float = 1.0
 ) -> dict[str, float]:
-    """Return the findings (measured values for the quality checks) of a straight beam with edges at 200 places.
+    """Return the findings (values for the quality checks) of a straight beam with edges at 200 places.
 
-    unsure: share of the places at which the left edge is not reliable. gain: how clearly the picture shows the edges.
-    deviations: contrast of the left edge, in standard deviations. length: share of the nominal length that is followed.
+    unsure: share of the places at which the left edge is not reliable. gain: how clear the edges are. deviations:
+    contrast of the left edge, in standard deviations. length: share of the nominal length that is followed.
     """
     sound = np.ones((2, 200), dtype=bool)
     sound[0, 100 : 100 + round(200 * unsure)] = False

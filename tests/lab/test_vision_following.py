@@ -67,8 +67,8 @@ def test_the_border_of_a_shadow_is_avoided_in_colour_and_doubtful_in_grey(seed):
 def on_its_shadow(widest: float, blur_px: float, tint: float):
     """Draw a yellow beam that hangs in front of a grey wall, with its shadow on its right.
 
-    widest: largest width of the shadow, in widths of the beam. blur_px: standard deviation of the blur. tint: share of
-    the beam's colour that the beam reflects into the shadow.
+    widest: largest width of the shadow, in widths of the beam. blur_px: standard deviation. tint: share of the beam's
+    colour in the shadow.
     """
     y, x = np.mgrid[0:280, 0:220].astype(float)
     wall, beam = np.array([152.0, 161.0, 167.0]), np.array([32.0, 89.0, 107.0])
@@ -83,7 +83,7 @@ def on_its_shadow(widest: float, blur_px: float, tint: float):
 
 @pytest.mark.parametrize("shadow", [(0.5, 2.0, 0.25), (0.7, 2.0, 0.15), (0.7, 2.5, 0.15)])
 def test_a_blurred_beam_is_followed_beside_a_shadow_that_has_a_tint_of_its_colour(shadow):
-    """Beside a shadow with a tint of the beam's colour, the edge of the beam is found, and marked as doubtful."""
+    # The edge beside the shadow is marked as doubtful.
     calibration = CALIBRATION.model_copy(update={"clamp_midpoint_px": (100.0, 20.0), "pixels_per_mm": 7.0})
     edges = find_edges(on_its_shadow(*shadow), calibration, SPECIMEN)
     assert {flag.severity for flag in edges.flags if flag.name == "OWN_SHADOW"} == {Severity.DOUBTFUL}
@@ -96,7 +96,7 @@ def test_a_blurred_beam_is_followed_beside_a_shadow_that_has_a_tint_of_its_colou
 
 
 def test_a_layer_of_another_hue_beside_the_beam_is_not_taken_for_its_shadow():
-    """The brown side face of a beam that is cut from a green board is not taken for a shadow of the beam."""
+    # The layer is the brown side face of a beam that is cut from a green board.
     y, x = np.mgrid[0:280, 0:220].astype(float)
     image = np.full((280, 220, 3), 245.0)
     along = (y > 20.0) & (y < 230.0)
@@ -110,10 +110,7 @@ def test_a_layer_of_another_hue_beside_the_beam_is_not_taken_for_its_shadow():
 
 
 def test_an_inflated_beam_is_followed_if_the_specimen_file_gives_its_width_along_the_beam():
-    """The edges of a beam of varying width are found if the specimen file gives the width at each distance.
-
-    The beam is bent, and 1.6 times as wide in its middle as at its ends.
-    """
+    # The beam is bent, and 1.6 times as wide in its middle as at its ends.
     y, x = np.mgrid[0:480, 0:360].astype(float)
     arc = (y - 40.0) / 400.0
     middle, factor = 160.0 + 60.0 * arc**2, 1.0 + 0.6 * np.exp(-0.5 * ((arc - 0.5) / 0.15) ** 2)
@@ -146,10 +143,7 @@ def test_an_inflated_beam_is_followed_if_the_specimen_file_gives_its_width_along
 
 @pytest.mark.parametrize(("contrast", "points"), [(14.0, 80), (18.0, 80)])
 def test_a_cable_that_crosses_a_faint_beam_does_not_hide_the_edges_beside_the_crossing(contrast, points):
-    """Both edges of a faint beam are found on both sides of a dark cable that crosses the beam.
-
-    The cable is a third as wide as the beam, and crosses it obliquely at the middle of its length.
-    """
+    # The cable is a third as wide as the beam, and crosses it obliquely at the middle of its length.
     y, x = np.mgrid[0:460, 0:300].astype(float)
     image = np.full((460, 300, 3), (190.0, 185.0, 180.0))
     image[(np.abs(x - 150.0) < 21.0) & (y > 20.0) & (y < 440.0)] -= contrast * np.array([0.5, 0.7, 1.0])
@@ -226,7 +220,7 @@ def test_clipped_light_beside_an_edge_is_doubtful():
 
 
 def test_an_edge_with_short_gaps_is_doubtful_and_an_edge_with_a_long_gap_is_unusable():
-    """An edge that is reliable on half of its length is doubtful with short gaps, and unusable with one long gap."""
+    # The edge is reliable on half of its length.
     place = np.arange(400)
     flags_of_cases = []
     for sure in (place % 20 < 10, place < 200):
@@ -290,10 +284,9 @@ def stripes(*shown, aside_px=0.0):
 
 
 def followed_in(run, files, *states, aside_px=(0.0,) * 9, workers=1, along=()):
-    """Segment pictures with a red and a blue stripe; return which stripe was taken as the beam in each state.
+    """Segment pictures with two stripes; return which stripe was taken as the beam in each state, and doubts.
 
-    ", in doubt" is added if the program warns. states: the stripes in each picture. aside_px: shift of the pictures to
-    the right. workers, along: options of `eimi segment`.
+    states: the stripes in each picture. aside_px: shift of the pictures to the right.
     """
     pictures, dataset_file = files / f"pictures_{len(states)}{along}", files / f"{len(states)}{along}.h5"
     pictures.mkdir()
@@ -342,10 +335,7 @@ def test_clicked_points_decide_which_body_is_followed_in_all_states(run, files, 
 
 
 def test_a_later_state_guides_the_search_in_the_states_before_it(run, files, monkeypatch):
-    """If no beam is found in the first two states, the centre line of the third state guides a second search.
-
-    The test replaces the search, which finds no beam in these states without the centre line.
-    """
+    # The replaced search finds no beam in the first two states without the centre line of the third one.
     guides = []
 
     def find(image, *arguments, expected_mm=None, **more):
@@ -362,7 +352,7 @@ def test_a_later_state_guides_the_search_in_the_states_before_it(run, files, mon
 
 
 def test_the_states_on_both_sides_guide_the_search_in_the_state_between_them(run, files, monkeypatch):
-    """If the centre line of one neighbouring state does not help the search, the lines of both neighbours are used."""
+    # The centre line of one neighbouring state alone does not help the search.
     found = []
 
     def find(image, *arguments, expected_mm=None, between_mm=None, **more):
@@ -378,10 +368,7 @@ def test_the_states_on_both_sides_guide_the_search_in_the_state_between_them(run
 
 @pytest.mark.parametrize(("aside_mm", "kept"), [(0.0, True), (0.9, True), (2.5, False)])
 def test_a_beam_that_does_not_lie_between_its_neighbours_is_not_used(aside_mm, kept):
-    """A body that lies far from the beams of the earlier and of the later state is not taken as the beam.
-
-    The beam is 2 mm wide, and its middle line is at 0 mm in the earlier state and at 1 mm in the later one.
-    """
+    # The beam is 2 mm wide; its middle line is at 0 mm in the earlier state and at 1 mm in the later one.
 
     def at(y_mm):
         x = np.linspace(1.0, 20.0, 30)
@@ -408,10 +395,7 @@ def test_the_line_between_two_lines_is_uncertain_by_half_of_their_distance():
 
 @pytest.mark.parametrize("clicks", [[[100, 300], [102, 294]], [[98, 200], [103, 412], [96, 400], [104, 407]]])
 def test_a_line_through_clicks_that_are_close_together_does_not_turn(clicks):
-    """The line from the clamp through clicks that are close together keeps its direction along the beam.
-
-    A click may be 10 px away from the beam.
-    """
+    # A click may be 10 px away from the beam.
     line = clicked_line(np.array([100.0, 50.0]), np.array([0.0, 1.0]), np.array(clicks, dtype=float))
     assert (np.diff(line.points[:, 1]) > 0).all()
     assert np.abs(line.points[:, 0] - 100.0).max() < 5.0
@@ -421,17 +405,14 @@ def test_a_line_through_clicks_that_are_close_together_does_not_turn(clicks):
 
 
 def test_a_strip_along_the_beam_has_no_cost_before_two_clicks_that_are_close_together():
-    """A straight beam lies so near the line through two inexact clicks that a search along the beam has no cost.
-
-    One click is 8 px to the left of the beam, the other 8 px to its right, and they are close together.
-    """
+    # One click is 8 px to the left of the beam, the other 8 px to its right.
     line = clicked_line(np.array([100.0, 50.0]), np.array([0.0, 1.0]), np.array([[92.0, 1050.0], [108.0, 1090.0]]))
     assert (np.abs(line.points[:, 0] - 100.0) < line.free_px).all()
     assert line.length_px == pytest.approx(1040.0, rel=0.02)
 
 
 def test_a_clicked_line_follows_a_strongly_bent_beam():
-    """The line from the clamp passes within 10 px of three clicks, which lie on a half circle of 300 px radius."""
+    # Three clicks lie on a half circle of 300 px radius; the line passes within 10 px of them.
     angle = np.radians([60.0, 120.0, 180.0])
     clicks = 300.0 * np.column_stack([1.0 - np.cos(angle), np.sin(angle)])
     line = clicked_line(np.zeros(2), np.array([0.0, 1.0]), clicks)
@@ -442,10 +423,7 @@ def test_a_clicked_line_follows_a_strongly_bent_beam():
 
 
 def test_a_beam_is_followed_to_the_last_click_behind_a_body_that_hides_it(files):
-    """A partly hidden beam is followed up to the last click of the user, beyond the body that hides it.
-
-    Without the clicks, the search would end at the hidden part.
-    """
+    # Without the clicks, the search would end at the hidden part.
     image = np.full((96, 128, 3), 120.0)
     image[8:88, 56:72] = (40, 60, 200)
     image[42:74] = (30, 30, 30)
@@ -471,7 +449,6 @@ def test_clicked_points_off_the_beam_are_reported(files):
 
 
 def test_an_ambiguous_state_does_not_guide_later_states(run, files):
-    """A doubtful choice between two stripes in the first state does not decide the choice in the second state."""
     both = ("red", "blue")
     guessed = followed_in(run, files, both)[0]
     assert guessed.endswith(", in doubt")

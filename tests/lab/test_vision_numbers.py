@@ -74,7 +74,6 @@ def test_the_position_of_the_clamp_is_checked_in_the_straight_state(straight_off
 
 @pytest.mark.parametrize("finding", ["settling_ratio", "motion_ratio"])
 def test_motion_adds_its_size_to_the_deviation_of_the_points(finding: str) -> None:
-    """If the beam moved between two frames, the motion (px) is added to the standard deviation of the edge points."""
     (flag,) = judge({finding: 2.3})
     assert flag.widens_mm(25.0, 3.0, 5.0) == pytest.approx(0.2 / 25.0, rel=0.1)
     (further,) = judge({finding: 8.0})

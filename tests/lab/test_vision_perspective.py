@@ -1,7 +1,4 @@
-"""With an ordinary lens, a fit gives the right modulus only if it takes the perspective of the lens into account.
-
-Such a lens shows the outlines of the near and of the far face of a specimen at different places.
-"""
+"""With an ordinary lens, a fit gives the right modulus only if it takes the perspective of the lens into account."""
 
 import numpy as np
 import pytest
@@ -28,7 +25,7 @@ CLAMP = [[0.0, -8.0], [0.0, 8.0], [-15.0, 8.0], [-15.0, -8.0]]
 
 
 def photographed_edges(calibration):
-    """Return the edges in rendered frames of a virtual beam at several fields, and the perspective of the lens."""
+    """Return the edges of a virtual beam in rendered frames at several fields, and the perspective of the lens."""
     frame, specimen = BeamFrame(calibration), SPECIMEN.mechanics()
     material = TrueMaterial(model="neo-hookean", parameters={"mu_Pa": TRUE_PA})
     view = frame.view(specimen.depth_mm, SIZE)
@@ -49,7 +46,7 @@ def photographed_edges(calibration):
 def fitted(edges, view):
     """Return the shear modulus (Pa) with the smallest error of the edges, and this error (mm).
 
-    edges: points of the edges in several fields. view: the perspective of the lens, or None.
+    view: the perspective of the lens, or None.
     """
     frame, model = BeamFrame(CALIBRATION), SolidBeside(SPECIMEN.mechanics(), *MESH)
     loads = Loads.along(list(FIELDS_MT), frame.field_deg, frame.gravity_deg)

@@ -1,7 +1,4 @@
-"""Profiles of grey values across an edge are sampled exactly, and the fitted step has the right position and blur.
-
-The smooth curve through the edge points has the right length and direction.
-"""
+"""Profiles of grey values across an edge are sampled exactly, and the fitted step has the right position and blur."""
 
 import numpy as np
 import pytest
@@ -75,10 +72,7 @@ def test_flat_and_falling_profiles_do_not_count_as_edges():
 
 @given(st.floats(0.0, 360.0), st.floats(-0.002, 0.002))
 def test_the_light_along_profiles_has_the_slope_of_the_light_beside_them(direction_deg, slope):
-    """The computed light along profiles has the slope of the back-light beside the edge.
-
-    The back-light changes linearly, and dirt disturbs one profile in five.
-    """
+    # The back-light changes linearly, and dirt disturbs one profile in five.
     normal = np.array([np.cos(np.deg2rad(direction_deg)), np.sin(np.deg2rad(direction_deg))])
     x, y = np.meshgrid(np.arange(200.0), np.arange(200.0))
     image = 100.0 * (1.0 + slope * ((x - 100.0) * normal[0] + (y - 100.0) * normal[1]))

@@ -16,10 +16,7 @@ from tests.shared.phone_photographs import RULER_MM, bent_bodies, clicks, drawn_
 
 
 def test_the_width_of_a_side_face_follows_from_depth_and_distance() -> None:
-    """A camera sees the lower face of a beam that is 6 mm deep and lies 15 mm above the axis of the lens.
-
-    The camera is 150 mm from the middle of the beam.
-    """
+    # The beam is 6 mm deep, 15 mm above the axis of the lens, and its middle is 150 mm from the camera.
     calibration = Calibration(
         pixels_per_mm=10.0,
         clamp_midpoint_px=(500.0, 350.0),
@@ -39,10 +36,7 @@ def test_the_width_of_a_side_face_follows_from_depth_and_distance() -> None:
 
 
 def test_a_dark_side_face_is_not_taken_for_a_shadow(tmp_path: Path) -> None:
-    """The lower edge of a beam in perspective is found at its far face, although a side face looks like a shadow.
-
-    The lower side face is visible below the near face, and is as dark as the shadow behind the beam.
-    """
+    # The lower side face is as dark as the shadow behind the beam; the lower edge is at the far face.
     scene = replace(drawn_scene(38, 0.3), grams=(0.0,))
     body = bent_bodies(scene)[0]
     picture = tmp_path / "IMG_0.jpg"

@@ -18,8 +18,7 @@ POINTS = 100
 def bent_edge(rough_px: float, seed: int, length_px: float = 5.0) -> tuple[StripEdges, np.ndarray, np.ndarray]:
     """Return an edge that bends by 90 degrees, its n true points, and the unit normals there, shapes (n, 2).
 
-    rough_px: standard deviation of the measured points. length_px: distance at which the correlation of their errors
-    has fallen to 1/e.
+    rough_px: standard deviation of the points. length_px: distance at which the correlation of their errors is 1/e.
     """
     along = np.linspace(0.0, 6.0 * WIDTH_PX, POINTS)
     turn = 0.5 * np.pi * (along / along[-1]) ** 2
@@ -76,7 +75,7 @@ def test_an_edge_of_few_points_is_returned_as_it_is() -> None:
 
 
 def test_folds_of_a_wrapped_beam_move_its_edges_less_than_their_height() -> None:
-    """The located edges of a beam with folds lie near the straight middle line of the folds."""
+    # The true edges are the straight middle lines of the folds.
     y, x = np.mgrid[0:480, 0:240].astype(float)
     folds = 2.5 * np.sin(2.0 * np.pi * y / 14.0)
     body = (np.abs(x - 120.0) < 21.0 + folds) & (y > 30.0) & (y < 450.0)

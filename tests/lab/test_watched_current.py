@@ -29,10 +29,7 @@ def restless(setup: Any) -> None:
 
 
 def spoil_at(setup: Any, current_A: float, fault: Any) -> list[float]:
-    """Let a fault occur at the first frame with the set-point `current_A`; return a list of two times (s).
-
-    They are those of the fault and of switching the output off.
-    """
+    """Let a fault occur at the set-point `current_A`; return the times (s) of the fault and of switching off."""
     times_s: list[float] = []
     switch = setup.coil.switch
 

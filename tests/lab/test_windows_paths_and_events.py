@@ -1,4 +1,4 @@
-"""Paths, files in use and console events of Windows are handled, as far as this can be tested on any system."""
+"""Paths, files in use and console events of Windows are handled, as far as any system can test this."""
 
 from __future__ import annotations
 
@@ -45,10 +45,7 @@ def test_only_windows_needs_the_prefix(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_events_that_end_a_process_of_windows_are_handled(
     monkeypatch: pytest.MonkeyPatch, event: int, acts: bool
 ) -> None:
-    """The program handles the console events of Windows that end a process, and ignores other events.
-
-    Event 0 is Ctrl-C, 1 Ctrl-Break, 2 closing, 5 log-off and 6 shutdown; 3 is reserved.
-    """
+    # Event 0 is Ctrl-C, 1 Ctrl-Break, 2 closing, 5 log-off and 6 shutdown; 3 is reserved.
     done: list[str] = []
     monkeypatch.setattr(console.time, "sleep", lambda seconds: done.append(f"waits {seconds:g} s"))
     assert console.handled(event, lambda: done.append("acts")) == int(acts)
@@ -59,7 +56,6 @@ def test_the_events_that_end_a_process_of_windows_are_handled(
 def test_a_file_that_another_program_of_windows_holds_for_a_moment_is_tried_again(
     monkeypatch: pytest.MonkeyPatch, number: int | None
 ) -> None:
-    """If another program keeps a file open for a moment, the access to the file is repeated until it succeeds."""
     monkeypatch.setattr(replacing.sys, "platform", "win32")
     errors = [held(number), held(number)]
     assert replacing.patiently(lambda: raise_first(errors)) == "opened"
@@ -75,17 +71,14 @@ def test_any_other_error_of_a_file_is_raised_at_once(monkeypatch: pytest.MonkeyP
 
 
 def held(number: int | None) -> PermissionError:
-    """Return the error that Python raises when another program keeps a file open.
-
-    number: the error number of Windows (`winerror`); None if the operating system gives no such number.
-    """
+    """Return Python's error for a file in use, with an error number of Windows or without one."""
     error = PermissionError(errno.EACCES, "Permission denied")
     error.winerror = number  # type: ignore[attr-defined]
     return error
 
 
 def raise_first(errors: list[PermissionError]) -> str:
-    """Take the first error from the list and raise it; return "opened" if no error is left."""
+    """Raise the first error, and remove it from the list; return "opened" if the list is empty."""
     if errors:
         raise errors.pop(0)
     return "opened"

@@ -1,7 +1,4 @@
-"""All tasks are done by worker processes, also if a result adds further tasks or if a worker dies.
-
-The processes start before the first task.
-"""
+"""All tasks are done by worker processes, also if a result adds further tasks or if a worker dies."""
 
 from __future__ import annotations
 
@@ -54,7 +51,7 @@ def test_further_tasks_are_done_although_a_worker_dies(tmp_path: Path) -> None:
 
 
 def test_workers_get_further_tasks_before_the_result_is_yielded() -> None:
-    """Workers get their next tasks before a result is returned, so that they work while the caller uses the result."""
+    # The workers work while the caller uses the result.
     submitted: list[int] = []
 
     class Noting(ThreadPoolExecutor):
@@ -72,7 +69,7 @@ Children = Callable[[], set[Any]]
 
 @pytest.fixture
 def children() -> Children:
-    """Return a function that returns the processes that have started since the beginning of the test and still run."""
+    """Return a function that returns the running processes that the test has started."""
     before = set(multiprocessing.active_children())
     return lambda: set(multiprocessing.active_children()) - before
 

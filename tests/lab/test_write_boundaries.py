@@ -1,7 +1,6 @@
-"""After every single write of a run the dataset is readable, because a power cut or a kill may end the run there.
+"""After every single write of a run the dataset is readable, as after a power cut."""
 
-A library that is preloaded into the writer traces the writes below HDF5. The test rebuilds the file from this trace.
-"""
+# A library that is preloaded into the writer traces the writes below HDF5. The test rebuilds the file from this trace.
 
 from __future__ import annotations
 
@@ -50,10 +49,7 @@ with DatasetWriter(folder / "run.h5", header, Frame(image(0), 0, 0.0)) as writer
 
 
 def records(trace: bytes) -> Iterator[tuple[str, int, bytes]]:
-    """Yield the kind (a letter), the offset and the bytes of each record in a trace of writes.
-
-    The letter A stands for the report that a state was stored.
-    """
+    """Yield kind (a letter), offset and bytes of each record in a trace of writes; "A" reports a stored state."""
     at = 0
     while at < len(trace):
         offset, length = struct.unpack_from("<qq", trace, at + 1)

@@ -1,4 +1,4 @@
-"""Result files are written whole or not at all, errors name the file of the user, and locks are held and released."""
+"""Result files are written whole or not at all, errors name the user's file, and locks are held and released."""
 
 from __future__ import annotations
 
@@ -386,7 +386,7 @@ def test_the_error_of_the_disk_is_raised_after_the_wait(tmp_path: Path, monkeypa
 
 @pytest.fixture
 def open_locks(monkeypatch: pytest.MonkeyPatch) -> Callable[[], int]:
-    """A function that returns how many of the lock files that this test opened are still open."""
+    """A function that returns how many lock files of this test are still open."""
     opened: list[tuple[int, os.stat_result]] = []
     open_file = os.open
 
@@ -456,7 +456,7 @@ def test_another_thread_is_told_who_holds_the_lock(tmp_path: Path, monkeypatch: 
 
 
 def test_a_lock_of_another_open_file_is_seen_and_refused(tmp_path: Path, open_locks: Callable[[], int]) -> None:
-    """flock(2) belongs to an open file; another program is another open file."""
+    # flock(2) belongs to an open file; a second open file takes the place of another program.
     path = tmp_path / "run.h5"
     other = os.open(lock_file(path), os.O_RDWR | os.O_CREAT)
     os.write(other, b" process 7 on lab\n (eimi  acquire)")

@@ -1,4 +1,4 @@
-"""Fixtures: a run of three states on the virtual rig, with a coarse mesh and a beam in plane stress."""
+"""Fixtures: a run of three states on the virtual rig, with a coarse mesh."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SHIPPED = Path(str(files("eimi_lab.protocols")))
 
 @pytest.fixture(scope="package")
 def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with protocol.toml, specimen.toml, rig.toml, and the dataset run.h5 of their run with its edges."""
+    """A folder with protocol.toml, specimen.toml, rig.toml, and the dataset run.h5 with edges."""
     folder = tmp_path_factory.mktemp("bench")
     protocol = (SHIPPED / "dragon_skin_10_quick.toml").read_text(encoding="utf-8")
     protocol = re.sub(r"start_A = .*\nstop_A = .*\nstep_A = .*\n", "values_A = [0.0, 0.8, 1.5]\n", protocol, count=1)

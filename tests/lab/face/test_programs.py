@@ -31,7 +31,7 @@ def code_lines(text: str) -> int:
 
 @pytest.fixture(scope="module")
 def again(bench: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The path of a second dataset, recorded on the same virtual bench as the first."""
+    """The path of a second dataset from the same virtual bench."""
     toml = [bench / f"{name}.toml" for name in ("protocol", "specimen", "rig")]
     path = tmp_path_factory.mktemp("again") / "run.h5"
     eimi.acquire(toml[0], toml[1], toml[2], path, note="again").close()
@@ -40,10 +40,7 @@ def again(bench: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def folder(bench: Path, again: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder with run.h5, its TOML files, two datasets in `runs`, and frames.npy as another program stores frames.
-
-    The folder is the working directory of the test.
-    """
+    """The working directory: run.h5, its TOML files, two datasets in `runs`, and frames.npy, an array of frames."""
     shutil.copytree(bench, tmp_path, dirs_exist_ok=True)
     (tmp_path / "runs").mkdir()
     shutil.copy(bench / "run.h5", tmp_path / "runs" / "a.h5")
@@ -56,10 +53,9 @@ def folder(bench: Path, again: Path, tmp_path: Path, monkeypatch: pytest.MonkeyP
 
 @contextmanager
 def rig(files: Path, supply: str, camera: str, source: str) -> Iterator[CoilSupply]:
-    """Serve an emulated SCPI supply on a pseudo-terminal, and write a rig file with its address; yield the supply.
+    """Serve an emulated SCPI supply, and write `files`/rig.toml with its address; yield the supply.
 
-    files: the folder in which rig.toml is written. supply, camera: names of the drivers in rig.toml. source: where the
-    camera takes its frames from.
+    supply, camera: names of drivers. source: where the camera takes its frames from.
     """
     coil = CoilSupply(WallClock())
     with serve_pty(emulate("scpi", coil)) as port:

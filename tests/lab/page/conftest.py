@@ -1,4 +1,4 @@
-"""Fixtures: a browser, and a page (the dashboard) that is served on a real socket for a folder with a dataset."""
+"""Fixtures: a browser, and the page (the dashboard) of a folder with a dataset."""
 
 from __future__ import annotations
 
@@ -42,10 +42,7 @@ class Answer:
 
 @dataclass
 class Served:
-    """The dashboard's page while it is served from a folder.
-
-    `ask` sends a request with the token of the page (its secret text), or with another token, X_Eimi_Token.
-    """
+    """The dashboard's page while it is served from a folder."""
 
     folder: Path
     port: int
@@ -62,7 +59,7 @@ class Served:
 
     @contextmanager
     def socket(self, introduced: bool = True) -> Iterator[ClientConnection]:
-        """Open a WebSocket of the page; if `introduced`, its first message is the token, the secret of the page."""
+        """Open a WebSocket of the page; if `introduced`, its first message is the secret token of the page."""
         with connect(f"ws://{self.host}/live", origin=f"http://{self.host}", proxy=None) as connection:
             if introduced:
                 connection.send(json.dumps({"token": TOKEN}))
@@ -103,7 +100,7 @@ def data_folder(tmp_path_factory: pytest.TempPathFactory, texts: dict[str, str],
 
 @pytest.fixture(scope="session")
 def served(data_folder: Path) -> Iterator[Served]:
-    """The page of the folder `data_folder`, which is served until the end of all tests."""
+    """The served page of the folder `data_folder`."""
     page = Page(data_folder)
     listening = socket.create_server(("127.0.0.1", 0))
     port = listening.getsockname()[1]
@@ -119,7 +116,7 @@ def served(data_folder: Path) -> Iterator[Served]:
 
 @pytest.fixture(scope="session")
 def chromium() -> Iterator[Any]:
-    """The Chromium browser of the system, or the browser that Playwright has installed."""
+    """The Chromium browser of the system or of Playwright."""
     playwright = pytest.importorskip("playwright.sync_api", reason="needs playwright: pip install -e '.[test]'")
     with playwright.sync_playwright() as driver:
         installed = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -135,10 +132,7 @@ def chromium() -> Iterator[Any]:
 
 @pytest.fixture
 def tab(chromium: Any) -> Iterator[Callable[[str], Any]]:
-    """Return a function that opens an address in a new tab of the browser.
-
-    The test fails if a script of the page raises an error or violates the content security policy.
-    """
+    """Return a function that opens an address in a new tab; the test fails if a script of the page raises an error."""
     context = chromium.new_context(viewport={"width": 1280, "height": 720})
     context.set_default_timeout(1000 * PATIENCE_S)
     faults: list[str] = []
@@ -160,7 +154,7 @@ def tab(chromium: Any) -> Iterator[Callable[[str], Any]]:
 
 @dataclass
 class EmulatedBench:
-    """A folder with the rig file of a bench: its supply and coil are emulated, and its camera plays back images."""
+    """A folder with the rig file of a bench: emulated supply and coil, and a camera that plays back images."""
 
     folder: Path
     coil: CoilSupply

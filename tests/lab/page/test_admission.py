@@ -1,7 +1,4 @@
-"""The dashboard in the browser answers only requests that contain its token and come from its own address.
-
-The dashboard shows only files of its folder.
-"""
+"""The dashboard answers only requests with its secret token and from its own address, and shows only its folder."""
 
 from __future__ import annotations
 
@@ -26,10 +23,7 @@ from tests.patience import PATIENCE_S
 
 
 def test_no_cookie_is_set_and_the_page_itself_holds_no_token(served: Any) -> None:
-    """The page sets no cookie and does not contain the token.
-
-    A browser sends a cookie to every port of the host, and therefore also to the server of another user.
-    """
+    # A browser sends a cookie to every port of the host, and therefore also to the server of another user.
     for path in ("/", f"/?token={'t' * 43}", "/static/main.js", "/api/folder"):
         answer = served.ask(path)
         assert answer.status == 200
@@ -110,10 +104,8 @@ def test_another_user_of_the_computer_gets_neither_the_token_nor_an_answer(serve
 def test_the_browser_is_given_a_file_and_not_the_token(
     data_folder: Path, tab: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The browser is started with a file that contains the token (a secret), because all users can see command lines.
-
-    In this test, a command that writes down its own command line takes the place of the browser.
-    """
+    # All users can see command lines. Here, a command that writes down its own command line takes the place of the
+    # browser.
     shown = tmp_path / "shown"
     shim = tmp_path / "browser"
     os.mkfifo(shown)
@@ -136,7 +128,6 @@ def test_the_browser_is_given_a_file_and_not_the_token(
 
 
 def test_a_server_on_another_port_learns_nothing_from_the_browser(served: Any, tab: Any) -> None:
-    """If a tab of the dashboard follows a link to another server on the same host, this server gets no token."""
     page = tab(served.address)
     page.get_by_text("in control").first.wait_for()
     with socket.create_server(("127.0.0.1", 0)) as other:
@@ -173,7 +164,6 @@ def test_a_post_of_another_origin_is_refused(served: Any, origin: str) -> None:
 
 @pytest.mark.parametrize(("length", "status"), [(1 << 15, 400), ((1 << 16) + 1, 413), (1 << 30, 413)])
 def test_a_request_that_is_too_long_is_not_read(served: Any, length: int, status: int) -> None:
-    """A request that announces more than 64 KiB is refused with the status 413, before its body is read."""
     origin = f"http://{served.host}"
     body = b"x" * min(length, 1 << 15)
     answer = served.ask("/api/pictures/edges", "POST", body, Origin=origin, Content_Length=str(length))

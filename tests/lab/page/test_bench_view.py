@@ -1,7 +1,4 @@
-"""Runs on an emulated supply are started, watched, paused and stopped in a browser.
-
-If the server or the run is killed, the coil is switched off and no stored state is lost.
-"""
+"""Runs on an emulated supply are started, watched, paused and stopped in a browser."""
 
 from __future__ import annotations
 

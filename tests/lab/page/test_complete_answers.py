@@ -1,4 +1,4 @@
-"""Each answer of the dashboard's server has all fields and values that it should have, and no others."""
+"""Each answer of the dashboard's server has exactly the expected fields and values."""
 
 from __future__ import annotations
 
@@ -89,10 +89,6 @@ def test_a_picture_is_reduced_only_if_it_is_too_wide(widest_px: int | None, shap
 
 
 def test_the_modulus_so_far_is_answered_with_all_its_values(data_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The modulus that is estimated during a run is answered with its interval, its error and the number of states.
-
-    Each fit uses as many stored states as the request names, and begins at the estimate of the fit before.
-    """
     estimate = SimpleNamespace(states=1, value_Pa=50e3, interval_95_Pa=(40e3, 61e3), limited_by="clamp", error_mm=0.02)
     asked: list[Any] = []
     monkeypatch.setattr(stored_runs, "_last_estimate", {})
@@ -200,7 +196,6 @@ def a_run(changed: list[str]) -> BenchRun:
 
 
 def test_the_progress_of_a_run_follows_its_events() -> None:
-    """The displayed progress changes with each event of a run, and every change is sent to the tabs of the browser."""
     changed: list[str] = []
     run = a_run(changed)
     expected = asdict(Progress(3, "sub/d.h5", "p", "s", "virtual")) | {"said": []}
@@ -256,7 +251,7 @@ def test_the_page_keeps_the_sentences_of_the_last_40_events() -> None:
 
 
 class Recorded:
-    """A replacement for a run that is under way; it records the requests of the page."""
+    """A replacement for a run under way, which records the requests of the page."""
 
     going_on = True
     asked: list[Any] = []  # noqa: RUF012
@@ -286,7 +281,7 @@ class Recorded:
 
 @pytest.fixture
 def recorded(served: Any, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-    """The list of the page's requests to a run; the page starts `Recorded` objects instead of real runs."""
+    """The list of the page's requests to a run; no real run is started."""
     monkeypatch.setattr(run_desk, "BenchRun", Recorded)
     monkeypatch.setattr(Recorded, "asked", [])
     monkeypatch.setattr(Recorded, "going_on", True)

@@ -17,10 +17,7 @@ from tests.patience import PATIENCE_S
 
 @contextmanager
 def in_control(served: Any) -> Iterator[tuple[Any, str]]:
-    """Yield a WebSocket whose tab is in control of the bench, and the name of the tab.
-
-    Only the tab in control may start and stop runs.
-    """
+    """Yield a WebSocket of the tab that may start and stop runs, and the name of the tab."""
     with served.socket() as tab:
         state = json.loads(tab.recv(timeout=PATIENCE_S))
         if state["control"] != "you":
@@ -48,10 +45,7 @@ def test_a_fit_of_a_missing_file_or_law_is_refused(served: Any, requested: dict[
 
 
 def test_the_tab_shows_why_a_fit_failed(served: Any) -> None:
-    """The dashboard's tab shows the last lines of a fit that has failed because no load bends the beam of the dataset.
-
-    The fit stores edges in the dataset, so that the test uses a copy of the dataset.
-    """
+    # A fit stores edges in its dataset; so the test uses a copy of the dataset.
     folder = served.folder / "unfit"
     folder.mkdir()
     shutil.copy(served.folder / "run.h5", folder)
@@ -82,8 +76,6 @@ def test_an_earlier_fit_is_replaced_only_on_request(served: Any) -> None:
 
 
 def test_one_run_at_a_time(served: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A request to start a run is refused while another run is under way."""
-
     class GoingOn:
         going_on = True
         progress = SimpleNamespace(as_json=dict)

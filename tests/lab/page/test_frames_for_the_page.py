@@ -1,4 +1,4 @@
-"""A run and a live camera send frames in shared memory, descriptions of the frames, and edges to the page."""
+"""A run and a live camera send frames (in shared memory), their descriptions and edges to the page."""
 
 from __future__ import annotations
 
@@ -50,7 +50,6 @@ def memory() -> Any:
     ],
 )
 def test_a_frame_is_read_as_it_was_written(memory: int, image: Any) -> None:
-    """A frame that one process writes into shared memory is read unchanged by another process."""
     writer, reader = FrameMemory(memory), FrameMemory(memory)
     assert (reader.newest(), reader.read(0)) == (0, None)
     for number in (1, 2, 3):
@@ -74,7 +73,6 @@ def test_a_frame_that_is_larger_than_its_slot_is_thinned_out(memory: int) -> Non
 
 
 def test_a_frame_that_is_overwritten_during_each_attempt_is_not_shown(memory: int) -> None:
-    """A frame that is overwritten while it is read is not returned, even after several attempts."""
     frames = FrameMemory(memory)
     frames.write(np.zeros((2, 2), np.uint8), {})
     place = frames._place(1)
@@ -168,10 +166,7 @@ def test_no_edges_are_sent_without_a_frame(
 
 @pytest.mark.parametrize(("dtype", "most"), [(np.uint8, 255), (np.uint16, 65535)])
 def test_the_histogram_counts_each_grey_level_once(dtype: Any, most: int) -> None:
-    """The histogram gives the share of the pixels at each grey level.
-
-    A quarter of the pixels is black, a quarter is at half of the range, and half of the pixels is saturated.
-    """
+    # A quarter of the pixels is black, a quarter is at half of the range, and half of the pixels is saturated.
     image = np.array([[0, most // 2, most, most]], dtype)
     exposure = light(image)
     expected = [0.25] + [0.0] * 30 + [0.5]
@@ -199,10 +194,6 @@ def test_the_exposure_of_a_large_frame_is_that_of_every_fourth_pixel() -> None:
 def test_the_blur_is_stated_always_and_flagged_above_its_limit_only(
     files: Path, texts: dict[str, str], drawn_px: float, names: list[str]
 ) -> None:
-    """The page always gets the blur of the edges, and gets a flag (warning) only if the blur is above 2.5 px.
-
-    A beam of 16 x 80 px below its clamp is drawn with a known blur.
-    """
     (files / "below.toml").write_text(texts["calibration"].replace("[64.0, 8.0]", "[99.5, 39.5]"))
     calibration, beam = load_calibration(files / "below.toml"), load_specimen(files / "specimen.toml")
     image = np.full((180, 200), 200.0)
@@ -221,7 +212,7 @@ def test_the_blur_is_stated_always_and_flagged_above_its_limit_only(
 
 
 class Supply:
-    """A replacement for a supply; it records the calls of its methods."""
+    """A replacement for a supply, which records its calls."""
 
     limits = Limits(current_A=2.0, voltage_V=10.0)
     measures_current = False
@@ -317,10 +308,7 @@ def test_a_supply_that_is_not_confirmed_off_keeps_its_values(monkeypatch: pytest
 def test_frames_of_a_run_are_announced_at_most_40_times_a_second(
     memory: int, monkeypatch: pytest.MonkeyPatch, frame: Any
 ) -> None:
-    """A run with 100 frames a second sends every third frame to the page.
-
-    Lines that the page writes to the standard input of the run reach the run.
-    """
+    # Of 100 frames a second, every third frame is sent.
     times = iter(100.0 + 0.01 * k for k in range(1000))
     monkeypatch.setattr(watched_run, "time", SimpleNamespace(monotonic=lambda: next(times)))
     listened: list[Any] = []

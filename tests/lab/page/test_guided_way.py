@@ -1,7 +1,4 @@
-"""A user gets from the live picture of the camera through a run to its fit, with the keyboard alone.
-
-The page also works on the screen of a phone.
-"""
+"""With the keyboard alone, a user gets from the live picture of the camera through a run to its fit."""
 
 from __future__ import annotations
 
@@ -68,10 +65,7 @@ def press(page: Any, name: str) -> None:
 def test_the_modulus_is_the_largest_text_and_does_not_wait_for_the_edges_of_all_states(
     emulated_bench: Any, dashboard: Any, tab: Any
 ) -> None:
-    """The page shows the modulus from the states with edges, its interval beside it, and what limits it.
-
-    The edges of the third state take long.
-    """
+    # The edges of the third state take long.
     page = tab(dashboard(emulated_bench.folder)[1])
     page.route("**/api/dataset/modulus*", lambda route: route.fulfill(json=MODULUS | {"states": 2}))
     held: list[Any] = []

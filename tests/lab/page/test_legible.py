@@ -19,7 +19,7 @@ PAIRS = [
 
 
 def colours() -> dict[str, dict[str, str]]:
-    """Return the colours (custom properties) of the style sheet, by colour scheme ("light", "dark") and name."""
+    """Return the colours of the style sheet, by colour scheme ("light", "dark") and name."""
     sheet = (STATIC / "page.css").read_text()
     blocks = re.findall(r":root \{(.*?)\}", sheet, re.DOTALL)
     return {

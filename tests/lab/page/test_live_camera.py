@@ -1,4 +1,4 @@
-"""The dashboard in the browser shows the live picture of the camera before a run, with an emulated bench."""
+"""The dashboard shows the live picture of an emulated camera before a run."""
 
 from __future__ import annotations
 

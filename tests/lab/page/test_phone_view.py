@@ -1,4 +1,4 @@
-"""In the dashboard's view "Weights and a phone", pictures, clicks and typed values lead to the modulus of a beam."""
+"""In the view "Weights and a phone", photographs, clicks and typed values lead to the modulus of a beam."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def bodies(scene: Any) -> Any:
 
 @pytest.fixture(scope="module")
 def photographs(scene: Any, bodies: Any, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    """Three photographs as a phone takes them: of the beam alone, and of the beam with each of two weights."""
+    """Three rendered photographs: of the beam alone, and of the beam with each of two weights."""
     folder = tmp_path_factory.mktemp("phone")
     paths = [folder / f"IMG_{number}.jpg" for number in range(len(GRAMS))]
     for number, (path, body, grams) in enumerate(zip(paths, bodies, GRAMS, strict=True)):
@@ -41,7 +41,7 @@ def photographs(scene: Any, bodies: Any, tmp_path_factory: pytest.TempPathFactor
 
 
 class Phone:
-    """The view "Weights and a phone" of the page in a tab of the browser."""
+    """The view "Weights and a phone" in a tab of the browser."""
 
     def __init__(self, page: Any, size: tuple[int, int]) -> None:
         self.page, self.size = page, size
@@ -51,7 +51,7 @@ class Phone:
         self.page.get_by_text(re.compile(r"pictures? (is|are) in the folder")).wait_for()
 
     def click(self, place: list[float]) -> None:
-        """Click on the picture at `place` (x, y in px of the photograph), and correct the point with the arrow keys."""
+        """Click at `place` (x, y in px of the photograph), and correct the point with the arrow keys."""
         marks = self.page.locator("#phone-picture .mark")
         before = marks.count()
         box = self.page.locator("#phone-picture svg").bounding_box()
@@ -79,10 +79,6 @@ def phone(served: Any, tab: Any, scene: Any) -> Any:
 def test_photographs_clicks_and_typed_numbers_lead_to_the_modulus(
     served: Any, phone: Phone, scene: Any, bodies: Any, photographs: list[Path]
 ) -> None:
-    """A user who drops three photographs, clicks four points and types eight values gets the true modulus.
-
-    The four points are in the first photograph.
-    """
     folder = served.folder / "level"
     folder.mkdir()
     (folder / "IMG_0.jpg").write_bytes(photographs[0].read_bytes())  # so that the folder can be chosen
@@ -122,10 +118,7 @@ def test_photographs_clicks_and_typed_numbers_lead_to_the_modulus(
 
 
 def check_files(folder: Path, scene: Any) -> None:
-    """Assert that other commands can read the files that the view has written.
-
-    The calibration contains the perspective of the phone, and no coil.
-    """
+    """Assert that other commands can read the files that the view has written."""
     calibration = load_calibration(folder / "calibration.toml")
     assert (calibration.coil_constant_mT_per_A, calibration.field_angle_deg) == (None, None)
     assert not calibration.telecentric
@@ -140,10 +133,7 @@ def check_files(folder: Path, scene: Any) -> None:
 def test_points_can_be_set_and_moved_on_the_screen_of_a_phone(
     served: Any, tab: Any, scene: Any, photographs: list[Path]
 ) -> None:
-    """On a page as wide as a phone's screen, keys set, remove and restore points, and a finger drags a point.
-
-    Arrow keys move a cross, Enter sets a point, Backspace removes the last point, and Ctrl+Y sets it again.
-    """
+    # Arrow keys move a cross, Enter sets a point, Backspace removes the last point, and Ctrl+Y sets it again.
     page = tab(f"{served.address}#phone")
     page.set_viewport_size({"width": 390, "height": 844})
     (served.folder / "hand").mkdir(exist_ok=True)
@@ -193,7 +183,7 @@ def position(mark: Any) -> list[float]:
 
 
 def test_the_loupe_is_small_and_lies_beside_the_point(served: Any, phone: Phone, photographs: list[Path]) -> None:
-    """The loupe (a magnified part of the picture) does not hide the place at which the user points."""
+    # The loupe is a magnified part of the picture.
     (served.folder / "loupe").mkdir(exist_ok=True)
     (served.folder / "loupe" / "IMG_0.jpg").write_bytes(photographs[0].read_bytes())
     page = phone.page

@@ -1,4 +1,4 @@
-"""The dashboard's view for pictures without a bench answers rightly about a folder, and writes the right files."""
+"""The view of pictures without a bench gives the right answers about a folder, and writes the right files."""
 
 from __future__ import annotations
 
@@ -29,10 +29,7 @@ NUMBERS = {
 
 @pytest.fixture
 def own(files: Path, frame: Callable[..., Any]) -> Path:
-    """A folder with three pictures of a drawn beam.
-
-    The alphabetical order of the file names differs from the order of the numbers in the names.
-    """
+    """A folder with three pictures of a beam; the alphabetical order of their names is not that of the numbers."""
     folder = files / "own"
     folder.mkdir()
     for seed, name in enumerate(("p_2", "p_10", "p_11")):
@@ -41,10 +38,7 @@ def own(files: Path, frame: Callable[..., Any]) -> Path:
 
 
 def test_the_first_guess_of_a_calibration_puts_the_beam_into_the_upper_part_of_the_picture(own: Path) -> None:
-    """The first guess of a calibration is that the picture is 60 mm high, with the clamp of the beam near its top.
-
-    The clamp is at 1/6 of the height, and the beam hangs from it.
-    """
+    # The picture is taken as 60 mm high, with the clamp at 1/6 of the height and the beam below it.
     assert opened(own) == {
         "pictures": ["p_2.png", "p_10.png", "p_11.png"],
         "size_px": [128, 96],
@@ -130,10 +124,7 @@ def test_the_edges_follow_from_the_calibration_on_the_page(own: Path, files: Pat
 
 
 def test_points_along_the_beam_are_used_for_the_first_picture_only(own: Path, files: Path) -> None:
-    """The points that a user clicked on the beam of the first picture do not mislead the search in other pictures.
-
-    In the third picture, the beam is 4 px beside the points.
-    """
+    # In the third picture, the beam is 4 px beside the points.
     beside = {**NUMBERS, "picture": {"along_px": [[64.0, 40.0], [64.0, 80.0]], "region_px": [20, 0, 90, 96]}}
     for name, middle in (("p_2.png", 64.0), ("p_11.png", 68.0)):
         found = edges(own / name, beside, str(files / "specimen.toml"))

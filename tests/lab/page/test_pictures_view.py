@@ -1,7 +1,4 @@
-"""In a browser, a user drags the marks of clamp, axis and scale into place in a picture, and saves the calibration.
-
-The dataset of the pictures is then made with the saved files.
-"""
+"""In a browser, a user drags the marks of clamp, axis and scale into place in a picture, and saves the calibration."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""The dashboard derives the state of the coil from events, and never from messages of the run or of its guardian.
-
-The guardian is the process that switches the coil off if the run dies.
-"""
+"""The dashboard derives the state of the coil from events alone, and never from messages."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ YOUNG_PA, FORCES_N = 150e3, (1e-4, 2e-4, 3e-4)
 
 @pytest.fixture
 def rod(served: Any, run: Callable[..., tuple[int, str]]) -> Path:
-    """The dataset rods/rod.h5: the tip of a cantilever under three small forces, computed by slender-beam theory."""
+    """The dataset rods/rod.h5: the tip of a cantilever under three forces, by slender-beam theory."""
     folder: Path = served.folder / "rods"
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()
@@ -62,10 +62,6 @@ def open_rod(page: Any) -> None:
 
 
 def test_the_fit_button_fits_the_dataset_on_the_screen_while_it_still_loads(served: Any, tab: Any, rod: Path) -> None:
-    """The Fit button fits the dataset whose name is on the screen, not the dataset that was shown before.
-
-    The button is pressed while the list of files for the new dataset still loads.
-    """
     page = tab(f"{served.address}#runs")
     page.get_by_text("in control").first.wait_for()
     page.get_by_role("button", name="run.h5").click()

@@ -1,4 +1,4 @@
-"""The dashboard in the browser shows the properties, images and edges of stored datasets, and never changes them."""
+"""The dashboard shows the properties, images and edges of stored datasets, and never changes the datasets."""
 
 from __future__ import annotations
 

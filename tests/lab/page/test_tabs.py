@@ -1,4 +1,4 @@
-"""WebSockets that do not behave like a tab of the dashboard are closed, and the server prints no message about them."""
+"""WebSockets that do not behave like a tab of the dashboard are closed without a message of the server."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def logged() -> Iterator[list[str]]:
 
 
 def without_tabs(served: Any) -> None:
-    """Wait until the server has noticed that the last tab of the dashboard was closed."""
+    """Wait until the server has noticed that its last tab was closed."""
     with served.socket() as socket:
         while '"tabs": 1' not in socket.recv(timeout=PATIENCE_S):
             pass
@@ -61,7 +61,7 @@ def test_a_tab_that_closes_leaves_no_message_on_the_terminal(served: Any, logged
 
 
 def state_with(socket: Any, **expected: Any) -> dict[str, Any]:
-    """Receive messages about the state of the page until one has the values `expected`; return this message."""
+    """Return the next message about the state of the page that has the values `expected`."""
     while True:
         message = socket.recv(timeout=PATIENCE_S)
         if isinstance(message, str):

@@ -1,4 +1,4 @@
-"""The server of the page exchanges the right messages with each tab; replacements for WebSockets need no network."""
+"""The server exchanges the right messages with each tab; replacements take the place of WebSockets."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tests.patience import PATIENCE_S
 
 
 class Socket:
-    """A replacement for a WebSocket: the test takes the place of a tab of the dashboard in a browser."""
+    """A replacement for the WebSocket of a tab in a browser."""
 
     def __init__(self) -> None:
         self.accepted, self.closed = False, ()
@@ -55,7 +55,8 @@ class Socket:
 
 
 def run(test: Callable[[], Awaitable[None]]) -> None:
-    """Run a coroutine in a new thread, because the browser of another test may still have an event loop in this one."""
+    """Run a coroutine in a new thread."""
+    # The browser of another test may still have an event loop in this thread.
 
     async def whole() -> None:
         await test()
@@ -65,10 +66,7 @@ def run(test: Callable[[], Awaitable[None]]) -> None:
 
 
 def test_a_frame_is_sent_after_the_frame_before_was_shown(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A tab of the dashboard gets a frame only after it has shown the frame before.
-
-    Of the frames since then, it gets the newest.
-    """
+    # Of the frames since then, the tab gets the newest.
     monkeypatch.setattr(tabs_module, "time", SimpleNamespace(monotonic=lambda: 105.0))
 
     async def test() -> None:

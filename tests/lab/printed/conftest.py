@@ -1,7 +1,4 @@
-"""Fixtures: one small fit whose numbers are replaced by numbers that all differ from each other.
-
-So a test recognises each number where it is printed.
-"""
+"""Fixtures: one small fit whose numbers all differ, so that a test recognises each number where it is printed."""
 
 from __future__ import annotations
 
@@ -61,7 +58,7 @@ def fitted(evidence: Evidence) -> FitRecord:
 
 @pytest.fixture
 def fit(fitted: FitRecord) -> FitRecord:
-    """A small fit whose numbers are replaced by numbers that all differ, so that a test recognises each of them."""
+    """A small fit whose numbers all differ."""
     entry = BudgetEntry("width", "width", 0.02, "mm", (0,), 3.0)
     small = [BudgetEntry("depth", "depth", 0.01, "mm", (0,), size) for size in (0.9, 0.8, 0.7, 0.6, 0.3, 0.4)]
     return replace(
@@ -113,7 +110,7 @@ def tensile(tmp_path: Path) -> TensileRecord:
 
 @pytest.fixture
 def shown() -> Callable[..., ShownFit]:
-    """Return a function that turns a fit, as stored in a fits file, into the object that a report prints."""
+    """Return a function from a stored fit to the object that a report prints."""
 
     def shown(fit: FitRecord | TensileRecord, comparison: tuple[Choice, ...] = ()) -> ShownFit:
         return ShownFit(Path("fits.json"), 0, fit, comparison, "bending")
@@ -123,10 +120,7 @@ def shown() -> Callable[..., ShownFit]:
 
 @pytest.fixture
 def validation() -> Callable[..., Validation]:
-    """Return a function that makes the validation (the errors) of a fit on its own dataset, with invented numbers.
-
-    The keyword arguments `changes` of this function replace fields of the validation.
-    """
+    """Return a function that makes the errors of a fit on its own dataset, with invented numbers."""
 
     def validation(of: FitRecord, **changes: Any) -> Validation:
         values: dict[str, Any] = {

@@ -1,8 +1,6 @@
-"""Describe the values of a panel of a report as lines of text: its sentences, its tables, and each mark of its figures.
+"""Describe the sentences, tables and figures of a panel (a part of a report) as lines of text."""
 
-A figure is described by its axes (labels, scales, limits, spines, shared axes), and by the data and the style of each
-line, band, bar, picture and text. Positions that matplotlib computes from the size of texts are left out.
-"""
+# Positions that matplotlib computes from the size of texts are left out.
 
 from __future__ import annotations
 
@@ -37,11 +35,7 @@ _NUMBER = re.compile(r"[-−+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
 def described(value: Any, name: str = "") -> Iterator[str]:
-    """Yield one line for each text, number and graphical mark in a part of a report.
-
-    Each line begins with a path, such as "name.rows.0": `name`, and the keys and indices that lead to the text, number
-    or mark.
-    """
+    """Yield a line for each text, number and graphical mark in a part of a report, after a path like "name.rows.0"."""
     if isinstance(value, Figure):
         yield from figure(value, name)
     elif isinstance(value, str | int | float | datetime) or value is None:
@@ -60,7 +54,7 @@ def described(value: Any, name: str = "") -> Iterator[str]:
 
 
 def numbers(values: Iterable[float]) -> str:
-    """Return a few of the numbers as text, the first and the last among them."""
+    """Return some of the numbers as text, the first and the last among them."""
     every = np.asarray(list(values), dtype=float)
     chosen = (
         every[np.unique(np.linspace(0, len(every) - 1, min(MOST, len(every))).astype(int))] if len(every) else every
@@ -129,7 +123,7 @@ def _mark(mark: Any, axes: Axes) -> str:
 
 
 def _name(mark: Any) -> str:
-    """Return the label of a mark; empty for a mark without a label, to which matplotlib gives a name of its own."""
+    """Return the label of a mark; empty if matplotlib has chosen the label."""
     label = str(mark.get_label())
     return "" if label.startswith("_") else label
 
@@ -144,7 +138,7 @@ def _text(text: Text) -> str:
 def differences(
     lines: Iterable[str], expected: Iterable[str], relative: float = 0.02, absolute: float = 2e-3
 ) -> list[str]:
-    """Return the lines that differ from the expected lines in words, or in a number by more than the tolerances."""
+    """Return the lines that differ from the expected lines in a word, or in a number by more than the tolerances."""
 
     def near(one: str, other: str) -> bool:
         if _NUMBER.sub("#", one) != _NUMBER.sub("#", other):

@@ -1,4 +1,4 @@
-"""Print the numbers of a figure as text: its labels, and the values of its marks in the units of the axes."""
+"""Print the labels of a figure, and the values of its marks in the units of the axes, as text."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from matplotlib.text import Text
 
 
 def printed_figure(figure: Figure) -> str:
-    """Return the labels of a figure and the coordinates of its lines, bars, boxes, bands and matrices, one per line."""
+    """Return the labels of a figure and the coordinates of its marks, one per line."""
     parts = [*figure.texts, *(text for legend in figure.legends for text in legend.get_texts())]
     lines = [text.get_text() for text in parts]
     for axes in figure.axes:

@@ -1,8 +1,6 @@
-"""Every printed number comes from the right stored number, and has the right ratio to this number.
+"""Every printed number comes from the right stored number, with the right factor between both.
 
-`traced_numbers.txt` lists, for each printed number, the field of the results file in which the stored number is, and
-the ratio (factor). If the test fails, it prints a `diff` command with the paths of the new and the old list. Read the
-differences before you copy the new list over the old list.
+`traced_numbers.txt` lists the path of the stored number, and the factor, for each printed number.
 """
 
 from __future__ import annotations
@@ -59,7 +57,7 @@ def printed_table(table: Table | None) -> dict[str, str]:
 
 
 def namespace(content: Any) -> Any:
-    """Return nested dictionaries as nested objects, whose attributes are the keys of the dictionaries."""
+    """Return nested dictionaries as nested objects, whose attributes are the keys."""
     if isinstance(content, dict):
         return SimpleNamespace(**{key: namespace(value) for key, value in content.items()})
     return [namespace(value) for value in content] if isinstance(content, list) else content
@@ -120,11 +118,7 @@ def numbers_of_a_fit(fit: FitRecord, evidence: Evidence, shown: Shown) -> dict[s
 
 
 def numbers_of_the_figures_of_a_fit(fit: FitRecord, shown: Shown) -> dict[str, list[str]]:
-    """Return, for each plot of one fit in a report, from which stored result each printed number comes.
-
-    The keys are the names of the plots. An entry of a list is a text with the path of the stored number, the printed
-    number divided by the stored number, and the unit.
-    """
+    """Return, by plot, from which stored number each printed number comes: path, factor and unit as text."""
     names = ("mu", "moment")
     small = tuple(BudgetEntry("depth", "depth", 0.01, "mm", (0,), effect) for effect in (0.25, 0.2, 0.15))
     record = replace(
@@ -151,11 +145,7 @@ def numbers_of_the_figures_of_a_fit(fit: FitRecord, shown: Shown) -> dict[str, l
 
 
 def numbers_of_the_figures_of_predictions(fit: FitRecord, shown: Shown) -> dict[str, list[str]]:
-    """Return, for each plot that compares two laws, from which predicted value each printed number comes.
-
-    The predicted values are invented. The keys are the names of the plots. An entry of a list is a text with the path
-    of the predicted value, the printed number divided by this value, and the unit.
-    """
+    """Return, by plot of two laws, from which invented prediction each printed number comes: path, factor and unit."""
     content = {
         "states": [{"index": k, "field_mT": field} for k, field in enumerate((0.67, 3.49, 6.83))],
         "fits": [
@@ -322,7 +312,7 @@ def traces(
     validation: Callable[..., Validation],
     shown: Shown,
 ) -> dict[str, list[str]]:
-    """Return from which stored number each number in a text, table or figure comes, with the factor between the two."""
+    """Return from which stored number each printed number comes, with the factor between both."""
     return {
         **numbers_of_a_fit(fit, evidence, shown),
         **numbers_of_the_figures_of_a_fit(fit, shown),

@@ -95,7 +95,6 @@ def test_the_interval_of_a_bootstrap_contains_95_per_cent_of_its_replicates() ->
 
 
 def test_a_fit_of_two_datasets_keeps_dataset_and_index_of_each_state(fitted: FitRecord, evidence: Evidence) -> None:
-    """The stored results of a fit of two datasets contain the dataset and the index of each state."""
     short = replace(evidence, path=Path("short.h5"), states=(replace(evidence.states[2], index=7),))
     held = {name: value for name, value in vars(fitted).items() if name not in OF_THE_RECORD}
     fit: Any = SimpleNamespace(

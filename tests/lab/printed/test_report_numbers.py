@@ -66,7 +66,7 @@ def test_a_tensile_fit_s_misfit_is_in_kilopascal_in_the_report(tensile: TensileR
 
 @pytest.fixture
 def simulated(fit: FitRecord, evidence: Evidence, shown: Shown) -> Any:
-    """The prediction of a fit on a dataset, as the figures of a report receive it."""
+    """The prediction of a fit on a dataset."""
     return SimpleNamespace(
         fitted_law=shown(fit), evidence=evidence, error_mm=np.array([0.01, 0.02, 0.03]), deviation_mm=np.full(3, 0.004)
     )
@@ -232,7 +232,7 @@ def test_no_table_of_the_report_loses_a_last_zero(fit: FitRecord, tensile: Tensi
 
 @pytest.fixture
 def report_of(shown: Shown, validation: Judged) -> Reported:
-    """Return a function that makes a report on one dataset, filmed at 25 pixels/mm."""
+    """Return a function that makes a report on one dataset, filmed at 25 px/mm."""
 
     def report_of(fit: FitRecord, evidence: Evidence, truth: dict[str, Any] | None = None) -> Any:
         beam = SimpleNamespace(name="one", material="silicone")
@@ -341,7 +341,6 @@ def test_the_smallest_error_on_a_specimen_is_bold(
 
 
 def test_the_interval_names_what_scatters(fit: FitRecord, evidence: Evidence, report_of: Reported) -> None:
-    """The report names the scatter of the tracked points or of the edges, according to the kind of the dataset."""
     report = report_of(replace(fit, budget=()), evidence)
     (finding,) = findings.findings(report)
     assert finding.limit.startswith("The scatter of the tracked points and the error of the mesh limit the interval")

@@ -1,7 +1,4 @@
-"""The errors of a fit on a dataset are printed in µm and kPa with their intervals.
-
-The errors come from a simulation on a finer mesh than the search for the parameters uses.
-"""
+"""The errors of a fit are printed in µm and kPa with their intervals."""
 
 from __future__ import annotations
 
@@ -56,7 +53,7 @@ def test_tables_of_validations_are_in_micrometres_and_kilopascal(
 def test_the_drawn_outline_is_that_of_the_finer_mesh(
     fitted: FitRecord, evidence: Evidence, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The drawn outline of the beam comes from the finer mesh, and not from the coarser mesh of the search."""
+    # The search for the parameters uses the coarser mesh.
     made = list[Correction | None]()
 
     def kept(*arguments: Any) -> Correction | None:

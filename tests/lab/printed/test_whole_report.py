@@ -1,9 +1,6 @@
-"""Every panel of the report of a small measurement has the accepted sentences, tables and figures.
+"""Every panel (part) of the report of a small measurement has the accepted sentences, tables and figures."""
 
-`whole_report.txt` contains a description of each panel, and `notebook_figures.txt` a description of the figures of a
-notebook. If a test fails, it prints the lines that differ and the path of the new description. Read the differences
-before you copy the new description over the old one.
-"""
+# Read the differences before you copy a new description over `whole_report.txt` or `notebook_figures.txt`.
 
 from __future__ import annotations
 
@@ -42,7 +39,7 @@ ACCEPTED = Path(__file__).parent
 
 
 def check(lines: list[str], name: str, folder: Path) -> None:
-    """Assert that the lines agree with the accepted description `name`; write the new description into the folder."""
+    """Assert that the lines agree with the accepted description `name`; write the new description into `folder`."""
     lines = [line.replace(version("eimi-lab"), "VERSION") for line in lines]
     (folder / name).write_text("\n".join(lines) + "\n", encoding="utf-8")
     accepted = (ACCEPTED / name).read_text(encoding="utf-8").splitlines() if (ACCEPTED / name).exists() else []
@@ -51,7 +48,7 @@ def check(lines: list[str], name: str, folder: Path) -> None:
 
 
 def photographed(folder: Path) -> Path:
-    """Import three pictures of a beam that bends, and return the dataset."""
+    """Return a dataset of three pictures of a beam that bends."""
     (folder / "specimen.toml").write_text(
         '[specimen]\nname = "drawn"\nmaterial = "soft"\nlength_mm = 10.0\nwidth_mm = 2.0\ndepth_mm = 2.0\n'
         'density_kg_m3 = 1070.0\nsection = "plane-stress"\n[magnet]\nlength_mm = 2.0\nwidth_mm = 2.0\n'

@@ -1,8 +1,6 @@
-"""Find the stored number from which each printed number comes, and the ratio of the printed to the stored number.
+"""Find the stored number from which each printed number comes, and the factor between both.
 
-Each number of a stored result is changed in turn, and everything is printed again. The printed numbers that change come
-from the changed number. If a printed number comes from one stored number alone and is proportional to it, their ratio
-is the factor.
+Each stored number is changed in turn; the printed numbers that change come from the changed number.
 """
 
 from __future__ import annotations
@@ -26,7 +24,7 @@ _FACTORS = (1.0, 1e3, 1e-3, 1e2, 1e-2, 1e6, 1e-6, -1.0)
 
 @dataclass(frozen=True)
 class _Printed:
-    """A printed number: its text, its value, and the unit that follows the number."""
+    """A printed number: its text, its value and its unit."""
 
     text: str
     value: float
@@ -34,9 +32,9 @@ class _Printed:
 
 
 def filled(content: Any, start: int = 0) -> Any:
-    """Return nested lists and dictionaries in which floats are changed by small shares, so that equal floats differ.
+    """Return nested lists and dictionaries whose floats are changed by small shares, so that all floats differ.
 
-    start: how many floats were changed before; the shares continue from there.
+    start: how many floats were changed before.
     """
     count = start
 
@@ -68,7 +66,7 @@ def numbers_of(content: Any, path: str = "") -> dict[str, float]:
 
 
 def changed(content: Any, path: str) -> Any:
-    """Return a copy of nested lists and dictionaries, in which the number at `path` is larger."""
+    """Return a copy of nested lists and dictionaries, with a larger number at `path`."""
     again = copy.deepcopy(content)
     part, *rest = again, *path.split(".")
     keys = [int(key) if key.isdigit() else key for key in rest]
@@ -81,20 +79,10 @@ def changed(content: Any, path: str) -> Any:
 
 
 def traced(content: Any, printed: Callable[[Any], Texts], skip: tuple[str, ...] = ()) -> dict[str, list[str]]:
-    """Return, for each printed text, from which stored number each of its numbers comes.
+    """Return, for each printed text, the path of the stored number, the factor and the unit of each printed number.
 
-    A printed number that comes from one stored number is listed with the path of the stored number, the factor between
-    the two, and the unit. A printed number that depends on several stored numbers is listed with their paths and with
-    its own value.
-
-    Parameters
-    ----------
-    content : nested lists and dictionaries
-        The stored results (the record) whose numbers are printed.
-    printed : callable
-        Function from the content of a record to the printed texts, by name.
-    skip : tuple of str
-        Beginnings of the paths of numbers that no text contains, such as the random samples of a result.
+    content: nested lists and dictionaries. printed: function from the content to texts, by name. skip: beginnings of
+    paths of numbers that no text contains.
     """
     before = {name: _numbers(text) for name, text in printed(content).items()}
     values = numbers_of(content)
