@@ -38,7 +38,7 @@ class Result:
 
 
 def _reachable(argument: Any) -> Any:
-    """Return an argument of a command; a path, alone or in a list, is changed so that Windows can open it."""
+    """Return an argument of a command; long paths, alone or in a list, are changed so that Windows can open them."""
     if isinstance(argument, Path):
         return reachable(argument)
     return [_reachable(item) for item in argument] if isinstance(argument, list) else argument

@@ -148,7 +148,6 @@ class FitDesk:
             self._changed()
 
     async def _fit_and_report(self, dataset: Path, log: Path, fitting: Fitting) -> bool:
-        """Run `eimi fit` and then `eimi report`, and return whether both succeeded."""
         fits, report = dataset.with_suffix(FITS), dataset.with_suffix(REPORT)
         freed = [f"--free={name}" for name in fitting.free]
         fit = (f"--model={fitting.model}", *freed, f"--output={fits}", f"--checkpoint={log}", "--force")

@@ -135,7 +135,6 @@ async def _index(request: Request) -> Response:
 
 
 async def _error_answer(request: Request, error: Exception) -> Response:
-    """Answer with the message of an error in one line."""
     return JSONResponse({"error": " ".join(str(error).split())}, 400)
 
 

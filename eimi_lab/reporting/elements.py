@@ -166,7 +166,6 @@ def _lines(cell: AnyCell) -> list[Cell]:
 
 
 def _cell(cell: AnyCell) -> Markup:
-    """Return a table cell as HTML."""
     lines = _lines(cell)
     shown = Markup("<br>").join(_line(line, unbroken=len(lines) > 1 and len(line.text) <= _LINE) for line in lines)
     longest = max((len(word) for line in lines for word in line.text.split()), default=0)

@@ -69,7 +69,7 @@ def crop_of(contents: DatasetContents) -> Crop:
 
 
 def measured_mm(contents: DatasetContents, k: int) -> list[Array]:
-    """Return the measured left and right edge at load step `k` (counted in the fit).
+    """Return the measured left and right edge; `k` is the index among the load steps of the fit.
 
     Each edge is an array of n points (x along the straight beam, y across; mm), shape (n, 2).
     """

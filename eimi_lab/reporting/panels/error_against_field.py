@@ -86,7 +86,7 @@ def _draw_differences(axes: Axes, predictions: Sequence[Prediction[ShownFit]], x
 
 
 def legend_of_fits(drawing: Drawing, fits: Sequence[ShownFit]) -> None:
-    """Add a legend of the laws and, if there are several kinds of fitted data, of the kinds."""
+    """Add a legend of the laws and, if the laws were fitted to several kinds of data, of the kinds of data."""
     handles = {
         s.fit.model: Line2D([], [], color=s.colour, marker=s.marker, linestyle="", label=s.fit.model) for s in fits
     }

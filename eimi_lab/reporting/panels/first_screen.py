@@ -54,9 +54,9 @@ def _draw(
     crop: Crop,
     points: int | None,
 ) -> None:
-    """Draw the image of load step `k` (counted in the fit), with the measured and the simulated edges.
+    """Draw the image of a load step, with the measured and the simulated edges.
 
-    `points` is the number of measured points that are drawn on each edge; None draws all points.
+    `k` is the index among the load steps of the fit. `points` is the number of drawn points on each edge; None for all.
     """
     frame, image = frame_of(contents), contents.dataset.images(contents.evidence.states[k].index, 1)[0]
     axes.imshow(crop.of(image), cmap="gray", vmin=0, vmax=1)

@@ -50,7 +50,6 @@ def _values(report: ReportContents) -> dict[str, Any] | None:
 
 
 def _materials(finding: Finding, report: ReportContents) -> list[str]:
-    """Return the names of the materials of the fitted specimens."""
     fit = finding.shown.fit
     if not isinstance(fit, FitRecord):
         return [fit.source.material] if fit.source.material else []

@@ -27,7 +27,7 @@ _AT_THE_MAGNET = (
 
 
 def along_beam_mm(edge_mm: Array, points_mm: Array, length_mm: float, rigid_mm: float) -> Array:
-    """Return the positions, along the beam at rest, of m measured points of the bent beam.
+    """Return where m measured points of the bent beam are on the straight beam: their distances from the clamp.
 
     Parameters
     ----------
@@ -36,14 +36,14 @@ def along_beam_mm(edge_mm: Array, points_mm: Array, length_mm: float, rigid_mm: 
     points_mm : ndarray, shape (m, 2)
         x and y of the measured points.
     length_mm : float
-        Length of the beam at rest.
+        Length of the straight beam.
     rigid_mm : float
         Length of the rigid part at the tip.
 
     Returns
     -------
     ndarray, shape (m,)
-        Distances of the points from the clamp, along the beam at rest, in mm.
+        Distances from the clamp, mm.
     """
     lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(edge_mm, axis=0), axis=1))])
     bent = lengths[((points_mm[:, None] - edge_mm) ** 2).sum(axis=-1).argmin(axis=1)]

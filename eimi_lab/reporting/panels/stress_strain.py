@@ -141,7 +141,6 @@ def _draw_ratios(axes: Axes, fits: Sequence[ShownFit], strain: Array, mode: Mode
 
 
 def _legend(drawing: Drawing, all_axes: Sequence[Axes]) -> None:
-    """Add a legend to the drawing in which each label occurs once."""
     entries: dict[str, Any] = {}
     for axes in all_axes:
         for handle, words in zip(*axes.get_legend_handles_labels(), strict=True):
