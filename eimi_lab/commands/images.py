@@ -227,7 +227,7 @@ def _import_tracks(
 
 
 def _check_source(source: Path, states: Path | None) -> None:
-    """Raise InputError if `source` does not exist, is a dataset or a TOML file, or is the table of load steps `states`."""
+    """Raise InputError if `source` does not exist, is a dataset, a TOML file or the table of load steps."""
     if not source.exists():
         raise InputError(f"{source}: no such file or folder; give a folder of images, an image, a video or points.csv")
     if states is not None and states.exists() and source.samefile(states):
