@@ -1,4 +1,4 @@
-"""Calibrations, boards, plumb lines and clicked points agree with calculations by hand on small pictures."""
+"""Calibrations, boards, plumb lines and clicked points agree with calculations by hand."""
 
 from __future__ import annotations
 
@@ -156,7 +156,7 @@ def test_the_clamp_lies_in_the_picture(tmp_path: Path, clamp: tuple[float, float
 
 
 def test_the_width_of_a_beam_at_rest_gives_scale_clamp_and_axis(tmp_path: Path) -> None:
-    """A beam 14 px and 2 mm wide has the scale 7 px/mm; its clamp line is at (60, 26) px."""
+    # A beam 14 px and 2 mm wide has the scale 7 px/mm; its clamp line is at (60, 26) px.
     picture = written(tmp_path / "rest.png", back_lit())
     guess = BenchSetup(4.7, (61.0, 27.0), 89.0, 90.0, -1.0)
     calibration, [line] = from_beam(picture, specimen(), guess, 0.04)
@@ -205,7 +205,7 @@ def test_the_tilt_is_the_mean_slope_of_the_first_halves() -> None:
 
 
 def thread(angle_deg: float) -> Array:
-    """Return a picture of 160 x 200 px with a thread of 2.4 px through its middle."""
+    """Return a picture, 160 x 200 px, with a thread of 2.4 px through its middle."""
     y, x = np.mgrid[0:200, 0:160].astype(float)
     angle = math.radians(angle_deg)
     aside = (x - 80.0) * -math.sin(angle) + (y - 100.0) * math.cos(angle)
@@ -308,7 +308,7 @@ def test_a_board_that_cannot_be_made_is_refused(size: tuple[int, int], square_mm
 
 
 def seen_boards(turns: tuple[tuple[float, float], ...]) -> tuple[list[tuple[Array, Array]], Array]:
-    """Return points of a board in several views through a lens of 900 px, and the camera matrix of the lens."""
+    """Return points of a board in several views through a lens, and the camera matrix of the lens."""
     matrix = np.array([[900.0, 0.0, 330.0], [0.0, 900.0, 250.0], [0.0, 0.0, 1.0]])
     x, y = np.meshgrid(4.0 * np.arange(9), 4.0 * np.arange(7))
     board = np.column_stack([x.ravel(), y.ravel()])
@@ -416,7 +416,7 @@ def clicked(*points: tuple[float, float]) -> Calibration:
     ],
 )
 def test_clicked_points_lead_from_the_clamp_to_the_tip(points: tuple[tuple[float, float], ...], words: str) -> None:
-    """The line through the points is at most 1.3 lengths of 84 px, and 10 px, long: 119.2 px."""
+    # The line through the points is at most 1.3 * 84 px + 10 px = 119.2 px long.
     if words:
         with pytest.raises(InputError, match=words):
             check_clicked_points(clicked(*points), specimen(), (112, 128))
@@ -425,7 +425,7 @@ def test_clicked_points_lead_from_the_clamp_to_the_tip(points: tuple[tuple[float
 
 
 def test_the_stated_background_field_is_given_in_the_beam_frame() -> None:
-    """The axis points down and the field to the right: a field to the right and down is (down, right)."""
+    # The axis points down and the field to the right: a field to the right and down is (down, right).
     stated = CALIBRATION.model_copy(update={"background_field_mT": (0.3, -0.2)})
     assert stated_background_T(stated) == pytest.approx([-0.2e-3, 0.3e-3])
     assert stated_background_T(CALIBRATION).tolist() == [0.0, 0.0]

@@ -1,4 +1,4 @@
-"""The steps of the search for back-lit edges agree with calculations by hand and with a general least-squares fit."""
+"""The steps of the search for back-lit edges agree with calculations by hand and with a least-squares fit."""
 
 from __future__ import annotations
 
@@ -58,7 +58,6 @@ def covered(u: Array, dark: float, bright: float, offset: float, blur: float, wi
 
 
 def test_the_fit_beside_a_magnet_is_the_least_squares_fit_with_a_prior_of_the_width() -> None:
-    """The fitted offsets, blur and widths agree with a general least-squares solver for the same function."""
     u, passing, rng = stations(9.0, 9.0), 0.35, np.random.default_rng(2)
     group = np.array([0] * 6 + [1] * 6 + [-1] * 6)
     wide = np.array([2.2, 3.1])
@@ -185,7 +184,7 @@ def test_points_near_the_ends_of_an_outline_are_left_out() -> None:
 
 @pytest.mark.parametrize(("cover_px", "reach"), [(3.59, 10.0), (3.61, 1.81), (7.0, 5.2), (11.79, 9.99), (12.0, 10.0)])
 def test_grey_values_are_read_up_to_the_magnet(cover_px: float, reach: float) -> None:
-    """Silicone wider than three blurs is read up to one and a half blurs before the magnet."""
+    # Silicone wider than three blurs is read up to one and a half blurs before the magnet.
     assert passes._inner_reach_px(10.0, cover_px, 1.2) == pytest.approx(reach)
 
 
@@ -205,7 +204,7 @@ def test_the_transmission_is_the_median_share_of_light_near_the_clamp() -> None:
 def test_thin_silicone_beside_the_magnet_gets_a_second_step(
     monkeypatch: pytest.MonkeyPatch, width_px: float, is_covered: bool
 ) -> None:
-    """The profiles reach four blurs and a pixel; the magnet matters if it is nearer than this and two blurs."""
+    # The profiles reach four blurs and a pixel; the magnet matters if it is nearer than this and two blurs.
     given: dict[str, Any] = {}
     monkeypatch.setattr(passes, "_locate", lambda *arguments: given.update(arguments=arguments))
     y = np.linspace(0.0, 200.0, 60)
@@ -473,7 +472,7 @@ def test_the_direction_of_the_tip_and_its_uncertainty() -> None:
 
 
 def test_the_view_of_a_tilted_camera_is_given_in_the_beam_frame() -> None:
-    """The beam hangs down in the picture: the tilt about the picture's axes (right, down) becomes (down, right)."""
+    # The beam hangs down in the picture: the tilt about the picture's axes (right, down) becomes (down, right).
     stated = CALIBRATION.model_copy(
         update={"stand_off_mm": 60.0, "camera_tilt_deg": (1.0, 2.0), "ruler_px": ((67.0, 10.0), (67.0, 80.0))}
     )

@@ -1,4 +1,4 @@
-"""Places, lines and scales that the search for a beam uses agree with calculations by hand."""
+"""Places, lines and scales in the search for a beam agree with calculations by hand."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_the_stated_beam_has_its_size_and_direction_in_px() -> None:
 
 
 def test_the_far_face_is_shifted_toward_the_optical_axis_by_the_ratio_of_the_distances() -> None:
-    """The far face of a beam of depth d at the distance D has the scale (D - d/2) / (D + d/2) of the near face."""
+    # The far face of a beam of depth d at the distance D has the scale (D - d/2) / (D + d/2) of the near face.
     frame = BeamFrame(CALIBRATION.model_copy(update={"stand_off_mm": 60.0}))
     beam = stated_beam(frame, 12.0, 2.0, 8.0, frame.view(8.0, (128, 112)))
     assert beam.recession == pytest.approx(1.0 - (60.0 - 4.0) / (60.0 + 4.0))
@@ -90,7 +90,7 @@ def test_a_side_face_is_seen_on_the_side_of_the_optical_axis() -> None:
 
 
 def test_a_step_of_the_search_gains_on_the_line_and_costs_beside_it() -> None:
-    """The cost beside the line is half the square of the excess distance in half widths, up to the largest cost."""
+    # The cost beside the line is half the square of the excess distance in half widths, up to the largest cost.
     line = straight()
     x = np.array([50.0, 54.9, 55.1, 65.0, 45.0 - 6.0, 90.0])
     gain = line.gain(x, np.full(6, 40.0), 40.0, 20.0)
@@ -101,7 +101,7 @@ def test_a_step_of_the_search_gains_on_the_line_and_costs_beside_it() -> None:
 
 
 def test_a_step_is_compared_with_the_line_at_about_the_same_distance_from_the_clamp() -> None:
-    """The compared part of the line is 0.15 of its length and one width longer and shorter than the path."""
+    # The compared part of the line is 0.15 of its length and one width longer and shorter than the path.
     line = straight(free_px=0.0)
     for y, distance in ((75.0, 0.0), (75.4, 0.4), (85.0, 10.0), (25.0, 0.0), (24.6, 0.4)):
         [gain] = line.gain(np.array([50.0]), np.array([y]), 50.0, 10.0)
@@ -109,7 +109,7 @@ def test_a_step_is_compared_with_the_line_at_about_the_same_distance_from_the_cl
 
 
 def test_the_line_through_one_click_is_the_most_probable_one() -> None:
-    """The line and its uncertainty agree with the posterior of a Gaussian process with one measured value."""
+    # The posterior of a Gaussian process with one measured value has this line and uncertainty.
     click = np.array([110.0, 130.0])
     line = clicked_line(np.array([100.0, 30.0]), DOWN, click[None])
     chord = math.hypot(10.0, 100.0)
@@ -159,7 +159,7 @@ def test_clicks_within_20_px_of_the_clamp_are_left_out(clicks: list[list[float]]
 
 
 def test_clicks_less_than_40_px_apart_count_as_one_place() -> None:
-    """Two clicks on both sides of the beam bend the line only if they are more than 40 px apart."""
+    # Two clicks on both sides of the beam bend the line only if they are more than 40 px apart.
     bends = []
     for apart in (39.0, 41.0):
         clicks = np.array([[108.0, 130.0], [92.0, 130.0 + math.sqrt(apart**2 - 16.0**2)]])
@@ -201,7 +201,7 @@ def test_the_farthest_click_is_reported_in_widths_beyond_the_error_of_a_click() 
 
 
 def test_the_searched_part_of_the_image_contains_every_place_that_the_beam_can_reach() -> None:
-    """The part reaches 1.25 lengths and two widths from the clamp."""
+    # The part reaches 1.25 lengths and two widths from the clamp.
     image = np.zeros((140, 220, 3), np.float32)
     beam = StatedBeam(np.array([100.2, 50.6]), 0.0, 8.0, 40.0)
     picture = working_picture(image, beam, 16.0)
@@ -254,7 +254,7 @@ def test_only_narrow_clipped_lines_are_removed(line: tuple[float, ...], is_remov
 
 
 def test_the_halo_of_a_reflection_is_removed_too() -> None:
-    """The pixels up to 0.12 widths, here 2 px, beside a reflection are replaced, and the next ones are kept."""
+    # The pixels up to 0.12 widths, here 2 px, beside a reflection are replaced, and the next ones are kept.
     picture = striped(250.0, 100.0, 2)
     picture.pixels[:, 28:30] = 160.0
     removed = remove_reflections(picture).pixels
@@ -267,7 +267,7 @@ def test_the_halo_of_a_reflection_is_removed_too() -> None:
 def kept_of(change: float, begin: float, scatter: float = 0.0, spacing: float = 0.1) -> list[bool]:
     """Return which points are kept of an edge 10 widths long, whose width changes at a distance from the clamp.
 
-    change, begin, spacing: in widths. scatter: deviation of the width at each point.
+    change, begin, spacing: in widths. scatter: deviation of the width.
     """
     along = np.arange(0.0, 10.0 + 1e-9, spacing)
     widths = 1.0 + np.where(along > begin, change, scatter * (-1.0) ** np.arange(len(along)))
@@ -289,20 +289,20 @@ def test_an_edge_ends_where_the_width_changes_by_a_fortieth(change: float, begin
 
 @pytest.mark.parametrize(("change", "kept"), [(0.055, 101), (-0.055, 101), (0.065, 95), (-0.065, 95)])
 def test_a_change_within_the_scatter_of_the_width_is_kept(change: float, kept: int) -> None:
-    """With a median deviation of 0.01 widths, a change of the width by more than 4 · 1.48 · 0.01 is clear."""
+    # With a median deviation of 0.01 widths, a change of the width by more than 4 · 1.48 · 0.01 is clear.
     assert sum(kept_of(change, 9.45, 0.01)) == kept
 
 
 @pytest.mark.parametrize(("place", "kept"), [(91, 101), (93, 93)])
 def test_only_the_last_part_of_an_edge_is_examined(place: int, kept: int) -> None:
-    """The last 0.8 widths are examined: a wrong point 0.9 widths before the end is kept, one at 0.7 widths is not."""
+    # The last 0.8 widths are examined: a wrong point 0.9 widths before the end is kept, one at 0.7 widths is not.
     widths = np.ones(101)
     widths[place] = 1.04
     assert as_wide_toward_last(np.arange(101) / 10.0, widths).sum() == kept
 
 
 def test_the_width_before_the_end_is_extrapolated_by_a_line_and_by_a_parabola() -> None:
-    """A body whose width lies between the two continuations keeps its end; another body loses it."""
+    # A body whose width lies between the two continuations keeps its end; another body loses it.
     along = np.arange(101) / 10.0
     bulge = np.maximum(along - 6.5, 0.0) ** 2 * 0.01
     assert as_wide_toward_last(along, 1.0 + bulge).all()
@@ -313,14 +313,14 @@ def test_the_width_before_the_end_is_extrapolated_by_a_line_and_by_a_parabola() 
 
 @pytest.mark.parametrize(("wider_before", "kept"), [(6.15, 95), (6.65, 101)])
 def test_the_extrapolated_part_is_three_widths_long(wider_before: float, kept: int) -> None:
-    """A body that is wider farther from its end does not change the extrapolation; a step in the part does."""
+    # A body that is wider farther from its end does not change the extrapolation; a step in the part does.
     along = np.arange(101) / 10.0
     widths = np.where(along < wider_before, 1.6, 1.0) + np.where(along > 9.45, 0.03, 0.0)
     assert as_wide_toward_last(along, widths).sum() == kept
 
 
 def test_few_points_do_not_determine_the_width() -> None:
-    """Six points before the end are enough for the extrapolation."""
+    # Six points before the end are enough for the extrapolation.
     assert kept_of(0.3, 9.45, spacing=0.625)[-1]  # five points
     assert not kept_of(0.3, 9.45, spacing=0.5)[-1]  # six points
 

@@ -1,4 +1,4 @@
-"""The search for the strip of a picture that shows the beam agrees with plain formulas and is symmetric."""
+"""The search for the strip of a picture that shows the beam agrees with plain formulas, and is symmetric."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def strips(places: Array, angle: float = 0.0, score: Array | None = None, width:
 
 
 def test_the_colours_across_a_strip_are_read_at_fifteen_places() -> None:
-    """In a picture whose colour is linear in x and y, the colours follow from the places of the points."""
+    # In a picture whose colour is linear in x and y, the colours follow from the places of the points.
     y, x = np.mgrid[0:60, 0:80].astype(np.float32)
     pixels = np.stack([2.0 * x, 3.0 * y], axis=2)
     picture = WorkingPicture(pixels, np.zeros(2), 1.0, BEAM)
@@ -62,7 +62,7 @@ def test_the_colours_across_a_strip_are_read_at_fifteen_places() -> None:
 
 
 def test_the_support_of_a_strip_grows_with_the_steps_at_its_sides() -> None:
-    """The support of each side is d² / (d² + 9 v) for the step d and the variance v."""
+    # The support of each side is d² / (d² + 9 v) for the step d and the variance v.
     colours = np.zeros((3, 15, 2), np.float32)
     colours[0, :3], colours[0, 12:] = (4.0, 3.0), (0.0, 6.0)
     colours[1, :] = 50.0
@@ -127,7 +127,7 @@ def test_the_cost_of_bends_and_widths() -> None:
 
 
 def test_only_the_best_strip_of_each_cell_is_kept() -> None:
-    """Strips 0.2 widths apart, or turned by 6 degrees, are different; a strip 4 behind the best one is dropped."""
+    # Strips 0.2 widths apart, or turned by 6 degrees, are different; a strip 4 behind the best one is dropped.
     x = np.array([0.1, 0.3, 2.3, 0.1, 0.1, 50.0, 60.0])
     angle = np.radians([1.0, 1.0, 1.0, 7.5, 2.0, 1.0, 1.0])
     score = np.array([5.0, 4.0, 4.5, 3.0, 4.9, 1.1, 0.9])
@@ -140,7 +140,7 @@ def test_only_the_best_strip_of_each_cell_is_kept() -> None:
 
 
 def trail_of(*lines: tuple[Array, Array], gain: float = 0.5) -> list[_Generation]:
-    """Return the trail of a search with some strips: their places (steps, 2) and their scores at each step."""
+    """Return the trail of a search with some strips: their places, (steps, 2), and their scores at each step."""
     steps = len(lines[0][0])
     trail = []
     for step in range(steps):
@@ -216,7 +216,6 @@ def found_in(pixels: Array, beam: StatedBeam = BEAM, **changed: Any) -> Strip:
 
 
 def test_the_mirrored_picture_gives_the_mirrored_strip() -> None:
-    """The picture, mirrored about the axis of the beam, gives the same places on the other side and the same gains."""
     pixels = SmallPicture(0.4).beam().exposed()[:, :121]
     strip, other = found_in(pixels), found_in(np.ascontiguousarray(pixels[:, ::-1]))
     middle = (60.0 + 0.5) * 16.0 / 14.0 - 0.5
@@ -229,7 +228,6 @@ def test_the_mirrored_picture_gives_the_mirrored_strip() -> None:
 
 
 def test_the_turned_picture_gives_the_turned_strip() -> None:
-    """In the picture turned by 90 degrees, the beam is found at the turned places."""
     pixels = SmallPicture(0.3).beam().exposed()
     strip = found_in(pixels)
     turned = found_in(np.ascontiguousarray(np.swapaxes(pixels, 0, 1)), clamp_px=np.array([10.0, 60.0]), axis_rad=0.0)
@@ -283,7 +281,7 @@ def test_a_beam_of_six_pixels_is_followed(width_px: float, is_followed: bool) ->
 
 
 def long_beam(length_px: int = 480) -> Any:
-    """Return an image of a beam 16 px wide, its unrolled picture, and its two sides."""
+    """Return an image of a beam 16 px wide, its grey values along and across the beam, and its two sides."""
     image = np.full((length_px + 40, 72, 1), 200.0, np.float32)
     y, x = np.mgrid[0 : length_px + 40, 0:72].astype(float)
     image[..., 0] -= 140.0 * within(x, 28.0, 44.0) * within(y, 20.0, 20.0 + length_px)
@@ -314,7 +312,7 @@ def test_an_edge_has_at_most_a_hundred_points_and_at_least_eight() -> None:
 
 
 def test_an_edge_whose_scatter_the_average_would_remove_is_returned_as_it_is() -> None:
-    """Points that alternate by 1 px on both sides of a line would be averaged to less than half of their scatter."""
+    # Points that alternate by 1 px on both sides of a line would be averaged to less than half of their scatter.
     image, sampled, sides = long_beam()
     edge = locate_edge(image, sampled, sides, 0, 0.0)
     assert edge is not None
@@ -355,7 +353,6 @@ def test_the_settling_ratio_is_the_mean_square_over_the_expected_one(dtypes: tup
 
 
 def test_the_constants_of_the_ways_are_symmetric() -> None:
-    """For each way in which a strip may bend or move to one side, there is the same way to the other side."""
     ways = list(zip(beam_search._MORE_BEND, beam_search._MORE_WIDTH, beam_search._MORE_ASIDE, strict=True))
     plain = [(bend, aside) for bend, width, aside in ways if width == 1.0]
     for bend, aside in plain:

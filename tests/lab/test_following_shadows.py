@@ -18,7 +18,7 @@ GROUND, BEAM = (150.0, 160.0, 130.0), (40.0, 60.0, 200.0)
 
 
 def shaded(by: float, wide: float, tint: float = 0.0) -> UnrolledPicture:
-    """Return a beam with a region beside it: the surroundings darkened by a factor, with a share of the beam's hue."""
+    """Return a beam beside a region that is darker than the surroundings, with a share of the beam's hue."""
     region = by * np.array(GROUND) + tint * np.array(BEAM)
     return unrolled(body(BEAM, GROUND, (0.5, 0.5 + wide, tuple(region))))
 
@@ -52,14 +52,14 @@ def test_an_edge_on_the_border_of_a_shadow_is_moved(by: float, wide: float, tint
 
 @pytest.mark.parametrize(("place", "moved"), [(0.53, False), (0.56, True)])
 def test_an_edge_is_moved_by_at_least_one_and_a_half_pixels(place: float, moved: bool) -> None:
-    """The edge of the body is at 0.48 widths of 24 px; a difference of less than 1.5 px is ignored."""
+    # The edge of the body is at 0.48 widths of 24 px; a difference of less than 1.5 px is ignored.
     picture = shaded(0.5, 0.25)
     found = move_off_shadows(picture, on_border(picture, place - 0.5), 1.0)
     assert bool(np.median(found.edge[1]) < 0.5) is moved
 
 
 def test_an_edge_on_the_border_of_a_side_face_is_kept() -> None:
-    """A dark region that is not wider than the side face of the beam, with its uncertainty, belongs to the beam."""
+    # A dark region that is not wider than the side face of the beam, with its uncertainty, belongs to the beam.
     for face, sigma, moved in ((0.0, 0.0, True), (0.3, 0.0, False), (0.15, 0.02, True), (0.15, 0.08, False)):
         picture = shaded(0.5, 0.25)
         picture = replace(picture, side_faces=np.array([[0.0], [face]]), side_sigma=np.array([[0.0], [sigma]]))
@@ -99,7 +99,7 @@ def test_a_region_with_less_than_half_of_the_hue_of_the_beam_may_be_a_shadow(tin
 
 @pytest.mark.parametrize(("share", "is_rim"), [(0.1, True), (0.25, False)])
 def test_a_rim_has_nearly_the_colour_of_the_beam(share: float, is_rim: bool) -> None:
-    """The region is a rim if the step at the beam is less than a fifth of the step at its outer border."""
+    # The region is a rim if the step at the beam is less than a fifth of the step at its outer border.
     region = np.array(BEAM) + share / (1.0 + share) * (np.array(GROUND) - np.array(BEAM))
     picture = unrolled(body(BEAM, GROUND, (0.5, 0.8, tuple(region))))
     moved = np.ones(60, dtype=bool)

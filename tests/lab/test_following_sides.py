@@ -1,4 +1,4 @@
-"""The steps that find the two edges of a followed beam agree with plain loops and with calculations by hand."""
+"""The steps that find the two edges of a beam agree with plain loops and with calculations by hand."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Array = np.ndarray
 
 
 def test_the_fall_is_the_difference_of_the_means_on_both_sides() -> None:
-    """The fall agrees with a loop over the places: means over 0.12 widths, averaged over 0.35 widths along the beam."""
+    # The fall agrees with a loop over the places: means over 0.12 widths, averaged over 0.35 widths along the beam.
     share = np.random.default_rng(3).uniform(0.0, 1.0, (9, 25))
     across = np.arange(25) / 24.0
     fall = fall_across(share, -1.0, across, 12.0)
@@ -44,7 +44,7 @@ def test_the_fall_is_the_difference_of_the_means_on_both_sides() -> None:
 
 
 def test_the_seam_is_the_best_of_all_lines() -> None:
-    """The seam agrees with a search through every line of 4 stations and 9 places that moves by at most 2 places."""
+    # The seam agrees with a search through every line of 4 stations and 9 places that moves by at most 2 places.
     rng = np.random.default_rng(2)
     across = np.linspace(-0.4, 0.4, 9)
     for _ in range(4):
@@ -76,7 +76,7 @@ def test_a_steep_seam_of_two_places_a_station_is_found() -> None:
 
 @pytest.mark.parametrize(("outward", "band"), [(1.0, (0.08, 0.3)), (-1.0, (0.3, 0.7))])
 def test_the_projection_is_fishers_discriminant(outward: float, band: tuple[float, float]) -> None:
-    """Weight, level and separation agree with Fisher's formula for one window that contains the whole picture."""
+    # Weight, level and separation agree with Fisher's formula for one window that contains the whole picture.
     colours = body((40.0, 60.0, 200.0), (150.0, 160.0, 130.0), stations=18)
     colours += np.random.default_rng(4).normal(0.0, 6.0, colours.shape)
     picture = unrolled(colours)
@@ -103,7 +103,7 @@ def test_the_projection_is_fishers_discriminant(outward: float, band: tuple[floa
 
 
 def test_a_shadow_is_invisible_in_a_shadowless_projection() -> None:
-    """All multiples of the colour of the surroundings have the same value, and the beam has another one."""
+    # All multiples of the colour of the surroundings have the same value, and the beam has another one.
     ground = (150.0, 160.0, 130.0)
     picture = unrolled(body((40.0, 60.0, 200.0), ground, (0.6, 0.9, tuple(0.5 * value for value in ground))))
     found = project(picture, np.full(60, 0.5), 1.0, 1.0, shadowless=True)
@@ -142,7 +142,7 @@ def crossing(difference: float, rows: int, columns: slice = slice(None)) -> Unro
 
 
 def test_a_short_body_of_another_colour_across_the_picture_is_left_out() -> None:
-    """A body across the whole picture is left out if it is clearly distinct and shorter than 0.8 widths."""
+    # A body across the whole picture is left out if it is clearly distinct and shorter than 0.8 widths.
     found = crossing(42.0, 9)
     assert found.covered is not None
     assert found.covered.any(axis=1).nonzero()[0].tolist() == list(range(39, 50))  # and the next stations
@@ -214,7 +214,7 @@ def test_the_doubt_about_a_shadow_is_the_larger_of_blur_and_excess_width() -> No
 
 
 def lit(*bands: tuple[float, float], level: float = 250.0, stations: int = 15, channels: int = 3) -> UnrolledPicture:
-    """Return a picture in which bands across the beam, given by their ends, are bright along the first stations."""
+    """Return a picture with bright stripes across the beam, given by their ends, along the first stations."""
     colours = np.full((60, 53, 3), 90.0)
     for low, high in bands:
         colours[:stations, (low <= ACROSS) & (high >= ACROSS), :channels] = level
@@ -342,7 +342,7 @@ def test_the_direction_at_the_end_of_an_edge_is_that_of_its_last_points() -> Non
     ],
 )
 def test_an_edge_leads_to_points_near_its_straight_continuation(gap: float, aside: float, leads: bool) -> None:
-    """The points may lie beside the continuation by 0.12 widths, of 20 px, and by a quarter of the gap."""
+    # The points may lie beside the continuation by 0.12 widths, of 20 px, and by a quarter of the gap.
     found = chain(np.column_stack([np.zeros(12), np.arange(12.0)]))
     ahead = np.array([[aside, 11.0 + gap]] * 3)
     assert found.leads_to(ahead, 20.0) is leads
@@ -415,7 +415,7 @@ def test_the_common_slope_is_the_median_of_the_straight_lines_nearby() -> None:
 
 
 def test_the_scatter_of_points_is_shared_by_their_sensitivity() -> None:
-    """The sum of the squared deviations over the degrees of freedom is the mean square of the stated deviations."""
+    # The sum of the squared deviations over the degrees of freedom is the mean square of the stated deviations.
     rng = np.random.default_rng(2)
     along = np.linspace(0.0, 400.0, 80)
     sensitivity = rng.uniform(0.2, 5.0, 80)

@@ -1,7 +1,4 @@
-"""The remarks, checks and tables of fits hold just below and just above their limits, and give the right numbers.
-
-The fits are small replacements with the numbers that a test needs, because only these numbers decide.
-"""
+"""The remarks, checks and tables of fits are right just below and just above their limits."""
 
 from __future__ import annotations
 
@@ -142,10 +139,9 @@ def test_a_fit_is_graded_by_its_data_doubts_and_predictions() -> None:
 
 
 def edges_of_a_beam(states: int, stand_off_mm: float, scatter_mm: float = 0.0) -> EdgeObservation:
-    """Return the edges of a beam 4 mm wide and 6 mm deep at several places, seen through an ordinary lens.
-
-    The nearer faces, which bound the beam in the picture, are by half of the depth nearer to the lens than the middle.
-    """
+    """Return the edges of a beam 4 mm wide and 6 mm deep, seen through an ordinary lens."""
+    # The nearer faces, which bound the beam in the picture, are by half of the depth nearer to the lens than the
+    # middle.
     rng, along = np.random.default_rng(1), np.linspace(0.0, 40.0, 81)
     points = np.zeros((states, 2, 81, 2))
     for k in range(states):
@@ -542,7 +538,7 @@ def test_a_compressible_material_is_remarked_below_a_ratio_of_0_495(monkeypatch:
 def ring_down(
     frequencies_Hz: tuple[float, float], effects: dict[str, float], static_percent: float, **sources: float
 ) -> Any:
-    """Return what a ring-down adds to a plan, for a beam whose frequency at two moduli is given."""
+    """Return what a ring-down (free vibration) adds to a plan, for a beam with known frequencies at two moduli."""
     answers = iter([*frequencies_Hz, *(frequencies_Hz[0] * np.exp(0.01) for _ in sources)])
 
     class Beam:

@@ -1,7 +1,4 @@
-"""Recorded motions of a beam: which part counts, at which time it begins, and which numbers describe it.
-
-The deflections are computed by formulas, so that the expected numbers follow from them by hand.
-"""
+"""Parts, release times and numbers of recorded motions agree with formulas."""
 
 from __future__ import annotations
 
@@ -47,7 +44,7 @@ def motion(points: Any, rest: Any, **more: Any) -> Motion:
 
 
 def test_the_modes_are_those_of_a_uniform_cantilever() -> None:
-    """Blevins 1979, table 8-1: the second mode is 0 at 0.783 L, the third at 0.504 L and 0.868 L; all are 0 at 0."""
+    # Blevins 1979, table 8-1: the second mode is 0 at 0.783 L, the third at 0.504 L and 0.868 L; all are 0 at 0.
     modes = cantilever_modes(np.array([0.0, 1e-4, 0.7834, 0.5036, 0.8677, 1.0]))
     np.testing.assert_allclose(modes[0], 0.0, atol=1e-12)
     np.testing.assert_allclose(modes[1], 0.0, atol=1e-5)  # no deflection and no slope at the clamp
@@ -97,7 +94,7 @@ def ringing(flick_s: float, time_s: Array) -> Array:
 
 
 def flicked(*flick_s: float, last_s: float) -> tuple[Array, Array]:
-    """Return the times of frames, 100 in a second, and the places of two points of a beam that is flicked again."""
+    """Return the times of frames, 100 in a second, and the places of two points of a beam after several flicks."""
     time_s = np.arange(0.0, last_s, 0.01)
     moved = np.zeros(len(time_s))
     for begins in flick_s:
@@ -124,7 +121,7 @@ def test_each_flick_begins_a_part_near_its_time() -> None:
 
 @pytest.mark.parametrize(("periods", "parts"), [(5.0, 1), (8.0, 2)])
 def test_a_part_needs_six_periods(periods: float, parts: int) -> None:
-    """The period is 0.2 s; the last flick is followed by some periods. One part is left, if the last is too short."""
+    # The period is 0.2 s; the last flick is followed by some periods. One part is left, if the last is too short.
     time_s, places = flicked(1.0, 5.0, last_s=5.0 + 0.2 * periods)
     found = flicks.parts_of(time_s, places)
     assert len(found) == parts
@@ -134,7 +131,7 @@ def test_a_part_needs_six_periods(periods: float, parts: int) -> None:
 
 @pytest.mark.parametrize(("share", "parts"), [(0.14, 1), (0.16, 2)])
 def test_a_push_below_15_percent_of_the_greatest_is_no_flick(share: float, parts: int) -> None:
-    """The pushes last 0.3 s, so that they have no frequencies that count as noise."""
+    # The pushes last 0.3 s, so that they have no frequencies that count as noise.
     time_s = np.arange(0.0, 9.0, 0.01)
     places = np.zeros((len(time_s), 1, 2))
     for begins, size in ((1.0, 1.0), (5.0, share)):
@@ -170,7 +167,7 @@ def test_white_noise_is_measured_beside_a_vibration() -> None:
     ("rise", "fall", "abrupt"), [(3, 100, True), (100, 100, False), (70, 100, True), (14, 1, True)]
 )
 def test_a_flick_rises_faster_than_it_falls(rise: int, fall: int, abrupt: bool) -> None:
-    """The amplitude is below a third of its maximum before `rise` frames, and again after `fall`; a period is 10."""
+    # The amplitude is below a third of its maximum before `rise` frames, and again after `fall`; a period is 10.
     size = np.concatenate([np.ones(40), np.full(rise - 1, 4.0), [9.0], np.full(fall - 1, 4.0), np.ones(200)])
     assert flicks._is_abrupt(size, 40 + rise - 1, 10) is abrupt
 
@@ -179,7 +176,7 @@ def test_a_flick_rises_faster_than_it_falls(rise: int, fall: int, abrupt: bool) 
 
 
 def moving_points(frames: int = 40, released: int = 10, step_s: float = 0.1) -> dict[str, Array]:
-    """Return two points of a beam that is held at y = 5 mm until a frame, and then swings with a falling amplitude."""
+    """Return two points of a beam that is held at y = 5 mm until a frame, and then swings."""
     after = np.maximum(np.arange(frames) - released, 0)
     moved = 5.0 * 0.9**after * np.cos(2 * np.pi * after / 6)
     places = np.zeros((frames, 2, 2))
@@ -211,7 +208,7 @@ def test_a_motion_begins_in_the_last_frame_near_its_greatest_deflection(capsys: 
 
 
 def test_a_stated_release_is_known_within_a_frame(capsys: pytest.CaptureFixture[str]) -> None:
-    """A time between two frames has the standard uncertainty of a frame's interval divided by the root of 12."""
+    # A time between two frames has the standard uncertainty of a frame's interval divided by the root of 12.
     found = ring_down({"released_s": 1.14})
     assert len(found.time_s) == 28
     assert found.time_s[0, 0] == pytest.approx(0.06)
@@ -261,7 +258,7 @@ def test_a_recording_that_cannot_be_used_is_refused() -> None:
 
 
 def test_the_deflection_is_measured_from_the_last_quarter() -> None:
-    """A beam that begins at its position at rest and ends bent is released where it is farthest from its end."""
+    # A beam that begins at its position at rest and ends bent is released where it is farthest from its end.
     places = np.zeros((40, 1, 2))
     places[:, 0, 1] = np.where(np.arange(40) < 12, 0.0, 3.0)
     assert free_motion._release(places) == 11
@@ -373,7 +370,7 @@ def tracked(monkeypatch: pytest.MonkeyPatch, facts: MotionFacts, tool: str = "dl
 def test_markers_beside_the_beam_move_with_their_nearest_point(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """5 % of 30 mm are 1.5 mm: the marker at 31 mm counts, and the marker at 32 mm does not."""
+    # 5 % of 30 mm are 1.5 mm: the marker at 31 mm counts, and the marker at 32 mm does not.
     found = tracked(monkeypatch, MotionFacts(kind="ring_down", rate_Hz=50.0, released_s=0.0))
     np.testing.assert_allclose(found.rest_mm, [[10, 0], [30, 1.5]])
     np.testing.assert_allclose(found.points_mm[0], [[10, 1], [30, 2.5]])
@@ -415,7 +412,7 @@ def calibration_of(points: list[tuple[float, float]], axis_deg: float | None = N
 
 
 def test_clicked_points_give_scale_clamp_and_direction() -> None:
-    """A line of 300 px for 30 mm is 10 px/mm; the scale is uncertain by 3 %, a click by 3 px, the axis by 1 degree."""
+    # A line of 300 px for 30 mm is 10 px/mm; the scale is uncertain by 3 %, a click by 3 px, the axis by 1 degree.
     found = calibration_of([(100.0, 200.0), (400.0, 200.0)])
     assert found.pixels_per_mm == pytest.approx(10.0)
     assert (found.clamp_midpoint_px, found.axis_angle_deg, found.gravity_angle_deg) == ((100.0, 200.0), 0.0, 90.0)
@@ -449,7 +446,8 @@ def test_two_clicks_near_the_horizontal_or_vertical_are_level(tip: tuple[float, 
 
 
 def sagging(share: Array, axis_deg: float, sag_px: float, tip_px: float = 0.0) -> Array:
-    """Return points of a beam of 300 px that leaves (50, 60) px at an angle and sags across it (Timoshenko 1955)."""
+    """Return points of a beam of 300 px that leaves (50, 60) px at an angle and sags across it."""
+    # Timoshenko 1955.
     across = sag_px * (share**4 - 4 * share**3 + 6 * share**2) / 3 + tip_px * (3 * share**2 - share**3) / 2
     axis = math.radians(axis_deg)
     ahead, normal = np.array([math.cos(axis), math.sin(axis)]), np.array([-math.sin(axis), math.cos(axis)])
@@ -480,7 +478,7 @@ def test_clicks_that_do_not_follow_a_beam_are_refused() -> None:
 
 @pytest.mark.parametrize(("tip_px", "has_tip_load"), [(0.0, False), (0.0, True), (25.0, True)])
 def test_the_beam_at_rest_corrects_axis_and_clamp(tip_px: float, has_tip_load: bool) -> None:
-    """The clicks were 2 degrees and 4 px off; the sagging beam shows both."""
+    # The clicks were 2 degrees and 4 px off; the sagging beam shows both.
     along = np.linspace(1.0, 30.0, 20)
     rest = sagging(along / 30.0, 30.0, 12.0, tip_px)
     rest[3] = NAN
@@ -501,7 +499,7 @@ def test_the_beam_at_rest_corrects_axis_and_clamp(tip_px: float, has_tip_load: b
 
 
 def test_the_noise_of_points_is_their_scatter_about_a_smooth_curve() -> None:
-    """A curve of degree 5 in each frame and a constant offset of each point are no noise."""
+    # A curve of degree 5 in each frame and a constant offset of each point are no noise.
     along = np.linspace(1.0, 30.0, 25)
     noise = np.random.default_rng(2).normal(0.0, 0.05, (300, 25))
     curves = np.array([np.polyval([k % 3, 1.0, -2.0, k % 5, 0.5, 1.0], along / 30.0) for k in range(300)])
@@ -519,7 +517,7 @@ def test_the_noise_of_points_is_their_scatter_about_a_smooth_curve() -> None:
 
 
 def test_each_point_has_the_time_of_its_row() -> None:
-    """At 8 px/mm from (16, 8) px along +x, pixel (24, 16) is at (1, -1) mm or (1, 1) mm; row = 2 x + 3 y + 5."""
+    # At 8 px/mm from (16, 8) px along +x, pixel (24, 16) is at (1, -1) mm or (1, 1) mm; row = 2 x + 3 y + 5.
     made = calibration_of([(16.0, 8.0), (256.0, 8.0)], 0.0)
     along = np.linspace(1.0, 29.0, 8)
     middle = np.stack([np.stack([16.0 + 8.0 * along, np.full(8, 16.0)], axis=-1)] * 2)
@@ -538,7 +536,7 @@ def test_each_point_has_the_time_of_its_row() -> None:
 
 
 class Following:
-    """A tracker that sees the beam in some frames; a frame is its own number."""
+    """A tracker that finds the beam in some frames; a frame is its own number."""
 
     along_mm = np.array([1.0, 2.0])
 
@@ -633,7 +631,7 @@ KEY = b"com.android.capture.fps"
 
 
 def metadata(kind: int, value: bytes, before: tuple[bytes, ...] = (), number: int | None = None) -> bytes:
-    """Return the box moov with a value under the key of the rate, after other keys."""
+    """Return the box moov of a video with a value under the key of the rate, after other keys."""
     names = [*before, KEY]
     keys = b"".join(box(b"mdta", name) for name in names)
     data = box(b"data", struct.pack(">II", kind, 0) + value)
@@ -676,7 +674,7 @@ def times(stored_s: list[float], rate_Hz: float | None = None, captured_Hz: floa
 
 
 def test_slow_motion_is_converted_into_the_times_of_its_recording(capsys: pytest.CaptureFixture[str]) -> None:
-    """Played at 25 frames per second and recorded at 100, a lost frame stays an interval of twice the length."""
+    # Played at 25 frames per second and recorded at 100, a lost frame stays an interval of twice the length.
     played = [1.0, 1.04, 1.12, 1.16, 1.20]
     recorded = [0.0, 0.01, 0.03, 0.04, 0.05]
     assert times(played, rate_Hz=100.0, captured_Hz=7.0) == pytest.approx(recorded)
@@ -736,7 +734,7 @@ def test_a_coil_that_warms_with_another_time_constant_is_told(true_s: float, fas
 
 
 def test_half_the_current_gives_a_quarter_of_the_heat() -> None:
-    """State 0 has the current 1 A of 2 A. After it, state 1 has 2 A; readings in any order and without a value."""
+    # State 0 has the current 1 A of 2 A. After it, state 1 has 2 A; readings in any order and without a value.
     time_s = np.array([0.0, 50.0, 100.0, 150.0, 200.0, 250.0, 300.0])
     state = np.array([0, 0, 0, 0, 1, 1, 1])
     heat = np.zeros(7)
@@ -768,7 +766,7 @@ def test_few_or_equal_readings_are_not_compared() -> None:
 
 
 def test_the_heat_of_a_run_needs_a_rating_and_a_thermometer_at_the_coil() -> None:
-    """A state without a known current has no heat."""
+    # A state without a known current has no heat.
     time_s, degC = warming(300.0)
     skin = readings(degC, time_s, np.zeros(40, int), measures="specimen_temperature")
     coil = readings(degC, time_s, np.zeros(40, int))
@@ -799,7 +797,7 @@ def test_a_contradiction_is_30_percent_in_time_and_30_percent_in_the_fit(
 
 
 def test_the_line_of_the_field_has_three_uncertainties() -> None:
-    """At -1, 0 and 1 A, the variance of the slope is that of a reading over 2, and that of the offset over 3."""
+    # At -1, 0 and 1 A, the variance of the slope is that of a reading over 2, and that of the offset over 3.
     sensor = LoggedSensor("probe", "F41", "field", "mT", at_magnet=2.0, uncertainty=0.05, uncertainty_share=0.01)
     line = field_line(sensor, [-1.0, 0.0, 1.0, NAN, 1.0], [-1.4, 0.1, 1.6, 7.0, NAN])
     assert line is not None

@@ -112,7 +112,7 @@ def test_workers_may_be_lost_twice_in_succession_but_not_three_times() -> None:
 
 
 def test_a_finished_task_ends_a_succession_of_losses() -> None:
-    """Two losses, a finished task whose successor is lost, and one more loss are no three losses in succession."""
+    # Two losses, a finished task, and two further losses are not three losses in succession.
     results = squares([2], [0, 1, 3, 4], further=lambda n, result: [n - 1] if n else [])
     assert [(task, result()) for task, result in results] == [(2, 4), (1, 1), (0, 0)]
 
@@ -315,7 +315,7 @@ def test_an_end_of_a_pipe_is_handed_down_to_a_child_and_never_waited_for() -> No
 
 
 def test_garbage_is_collected_seldom_and_memory_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    """M_TRIM_THRESHOLD is -1 and M_MMAP_THRESHOLD -3 (mallopt(3)); both get more than the megabytes of one step."""
+    # M_TRIM_THRESHOLD is -1 and M_MMAP_THRESHOLD -3 (mallopt(3)); both get more than the megabytes of one step.
     done: list[object] = []
     monkeypatch.setattr(gc, "set_threshold", done.append)
     monkeypatch.setattr(atexit, "register", done.append)
@@ -440,7 +440,7 @@ def test_progress_is_hidden_only_within_its_context(capsys: pytest.CaptureFixtur
 
 @pytest.fixture
 def handlers(monkeypatch: pytest.MonkeyPatch) -> dict[int, Any]:
-    """The handlers of the signals: a replacement that does not change those of this process."""
+    """A replacement for the handlers of the signals of this process."""
     kept: dict[int, Any] = {signal.SIGINT: signal.default_int_handler}
     kept |= dict.fromkeys(stopping.TERMINATION, signal.SIG_DFL)
     monkeypatch.setattr(signal, "getsignal", kept.__getitem__)
@@ -562,7 +562,7 @@ def test_the_process_that_started_this_one_is_watched_and_killed(monkeypatch: py
 def test_the_priority_of_a_session_is_tried_five_times(
     monkeypatch: pytest.MonkeyPatch, refusals: int, written: int
 ) -> None:
-    """Linux accepts one change in a tenth of a second (sched(7)); five trials span four tenths."""
+    # Linux accepts one change in a tenth of a second (sched(7)); five trials span four tenths.
     tries: list[str] = []
     slept: list[float] = []
     accepted: list[str] = []
@@ -622,7 +622,7 @@ def test_the_clock_continues_during_sleep(monkeypatch: pytest.MonkeyPatch) -> No
 def test_the_program_that_inhibits_sleep_is_ended(
     monkeypatch: pytest.MonkeyPatch, system: str, command: list[str]
 ) -> None:
-    """Options of caffeinate(8): -i idle sleep, -s system sleep, -w the process to wait for; systemd-inhibit(1)."""
+    # Options of caffeinate(8): -i idle sleep, -s system sleep, -w the process to wait for; systemd-inhibit(1).
     done: list[object] = []
 
     def close() -> None:
@@ -754,7 +754,7 @@ def everything(descriptor: int) -> bytes:
 
 @posix
 def test_the_older_half_of_too_much_text_is_replaced_by_a_count(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of 21 lines of 10 bytes, the last 10 fit into half of 200 bytes; at 31 lines, 10 more are dropped."""
+    # Of 21 lines of 10 bytes, the last 10 fit into half of 200 bytes; at 31 lines, 10 more are dropped.
     reads, writes = os.pipe()
     monkeypatch.setattr(stderr, "MOST_BYTES", 200)
     stream = NeverBlocking(writes)
@@ -801,7 +801,7 @@ def test_a_stream_that_nobody_reads_is_given_up_after_two_seconds(monkeypatch: p
 
 @posix
 def test_a_text_is_sent_in_pieces_that_a_pipe_accepts_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """POSIX guarantees 512 bytes (PIPE_BUF); a write that would block leaves the rest waiting."""
+    # POSIX guarantees 512 bytes (PIPE_BUF); a write that would block leaves the rest waiting.
     reads, writes = os.pipe()
     stream = NeverBlocking(writes)
     sizes: list[int] = []

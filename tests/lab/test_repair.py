@@ -1,7 +1,4 @@
-"""A dataset with flipped bits or lost parts is repaired and copied by the functions that `eimi recover` runs.
-
-`test_recovery.py` tests the whole command, which runs these functions in another process.
-"""
+"""A dataset with flipped bits or lost parts is repaired and copied by the functions of `eimi recover`."""
 
 from __future__ import annotations
 
@@ -44,7 +41,7 @@ def image(number: int) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a dataset of three states with two frames each, run.h5, and its copy before it was closed."""
+    """A folder with run.h5, a dataset of three states with two frames each, and its copy before it was closed."""
     files = tmp_path_factory.mktemp("written")
     header = Header(load_specimen("type1"), load_calibration("virtual_calibration"), sensors=(SENSOR,))
     with DatasetWriter(files / "run.h5", header, Frame(image(0), 0, 0.0)) as writer:
@@ -61,18 +58,18 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def crashed(written: Path, tmp_path: Path) -> Path:
-    """The path of a dataset of three states whose writer did not close it."""
+    """A dataset of three states whose writer did not close it."""
     return Path(shutil.copy(written / "crashed.h5", tmp_path))
 
 
 @pytest.fixture
 def finished(written: Path, tmp_path: Path) -> Path:
-    """The path of the same dataset, which its writer has closed."""
+    """The same dataset, which its writer has closed."""
     return Path(shutil.copy(written / "run.h5", tmp_path))
 
 
 def flipped(path: Path, *bits: int) -> Path:
-    """Write a copy of a file in which some bits are flipped, counted from the beginning of the file."""
+    """Write a copy of a file in which some bits, counted from the beginning of the file, are flipped."""
     content = bytearray(path.read_bytes())
     for bit in bits:
         content[bit // 8] ^= 1 << bit % 8
@@ -201,7 +198,7 @@ def test_a_flipped_bit_of_a_chunk_or_of_its_checksum_is_flipped_back(finished: P
 
 
 def test_a_file_that_was_never_closed_is_marked_as_closed(crashed: Path, finished: Path) -> None:
-    """Byte 11 of the superblock is the mark, and byte 28 begins the end of the file (HDF5 File Format, II.A)."""
+    # Byte 11 of the superblock is the mark, and byte 28 begins the end of the file (HDF5 File Format, II.A).
     file = MendedFile(crashed)
     assert crashed.read_bytes()[11] != 0
     close_superblock(file)
@@ -301,7 +298,7 @@ def test_flipped_bits_are_counted_in_the_report(finished: Path) -> None:
 
 
 def test_damaged_frames_are_left_out_and_their_states_are_flagged(finished: Path) -> None:
-    """The second frame of state 0 and both frames of state 1 are damaged beyond a single bit."""
+    # The second frame of state 0 and both frames of state 1 are damaged beyond a single bit.
     places = [in_chunk(finished, "entry/data/frames", number)[0] for number in (1, 2, 3)]
     dataset, lines = copied(flipped(finished, *(8 * at + bit for at in places for bit in (1, 90))))
     with dataset:
@@ -359,7 +356,7 @@ def test_links_and_other_files_are_left_out_and_named(finished: Path) -> None:
 
 
 def recorded(folder: Path) -> Path:
-    """Return the path of a dataset with three frames of a recording while the beam settled, which is closed."""
+    """Return a closed dataset with three frames of a recording while the beam settled."""
     protocol: Any = SimpleNamespace(
         transients=SimpleNamespace(frames_per_state=4),
         ring_down=None,

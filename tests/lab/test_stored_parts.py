@@ -1,4 +1,4 @@
-"""The parts of a dataset: rows of its tables, frames of its states, plots, copies, and the pictures that it lists."""
+"""Tables, frames, plots, copies and listed pictures of a dataset are right."""
 
 from __future__ import annotations
 
@@ -157,7 +157,7 @@ def test_quantities_that_were_not_measured_have_no_column(entry: h5py.Group) -> 
 
 
 def test_sensors_give_the_field_and_the_temperature_of_a_state(entry: h5py.Group) -> None:
-    """The line through (0 A, 0.5 mT) and (0.5 A, 2.5 mT) has 4 mT/A; the offset is no field of the coil."""
+    # The line through (0 A, 0.5 mT) and (0.5 A, 2.5 mT) has 4 mT/A; the offset is no field of the coil.
     state_table(entry)
     group(entry, "sample", "NXsample")
     probe = LoggedSensor("probe", "F41", "field", "mT", 1.0, 0.01, None)
@@ -322,7 +322,7 @@ def test_a_frame_of_another_form_or_after_a_failed_write_is_refused(
 
 @pytest.mark.parametrize(("ring_bytes", "frames"), [(0, 2), (17, 2), (18, 3), (59, 9)])
 def test_the_ring_holds_whole_frames_and_at_least_two(entry: h5py.Group, ring_bytes: int, frames: int) -> None:
-    """A frame of 2 x 3 pixels of 8 bits has 6 bytes."""
+    # A frame of 2 x 3 pixels of 8 bits has 6 bytes.
     waits: list[str] = []
     stream = FrameStream(frame_stack(entry, "frames", GREY), ring_bytes)
     with pytest.MonkeyPatch.context() as held:
@@ -371,7 +371,7 @@ def test_grey_frames_need_no_change_of_colours(entry: h5py.Group) -> None:
 def test_frames_beyond_a_quarter_of_the_free_memory_are_refused(
     entry: h5py.Group, monkeypatch: pytest.MonkeyPatch, quarter: int, refused: bool
 ) -> None:
-    """Two frames of 6 bytes claim 12 bytes."""
+    # Two frames of 6 bytes claim 12 bytes.
     frames_of(entry, [0, 0])
     monkeypatch.setattr("eimi_lab.process.limits.free_memory_bytes", lambda: 4 * quarter)
     if refused:
@@ -434,7 +434,7 @@ def test_creep_belongs_to_one_state(entry: h5py.Group) -> None:
 
 
 def test_the_ring_down_of_an_early_version_has_its_step_computed(entry: h5py.Group) -> None:
-    """Frames 3, 4, 7, 8 at 0.1 s: two are lost. The step came 0.2 s before the first frame, which is at 10 s."""
+    # Frames 3, 4, 7, 8 at 0.1 s: two are lost. The step came 0.2 s before the first frame, which is at 10 s.
     state_table(entry)
     given = {"number": [3, 4, 7, 8], "time": [10.0, 10.1, 10.4, 10.5], "elapsed": [0.2, 0.3, 0.6, 0.7]}
     recording(entry, "release", [0, 0, 0, 0], **given)
@@ -549,7 +549,7 @@ def test_points_are_read_as_they_were_written(tmp_path: Path) -> None:
 
 
 class Labelled:
-    """Replaces the package xarray: it keeps the variables, coordinates and attributes of a Dataset."""
+    """A replacement for the package xarray, which keeps variables, coordinates and attributes of a Dataset."""
 
     def Dataset(self, *given: Any) -> Any:
         return SimpleNamespace(**dict(zip(("variables", "coordinates", "attributes"), given, strict=True)))
@@ -594,7 +594,7 @@ def test_labelled_points_and_edges_fill_missing_points(monkeypatch: pytest.Monke
 
 
 def test_the_plots_of_a_dataset(entry: h5py.Group) -> None:
-    """The tip is the last point of the middle line, and the plot is in the order of the field."""
+    # The tip is the last point of the middle line, and the plot is in the order of the field.
     table = state_table(entry)
     table["field"][:] = [3.0, 1.0, 2.0]
     process = group(entry, "segmentation", "NXprocess")
@@ -616,7 +616,7 @@ def test_the_plots_of_a_dataset(entry: h5py.Group) -> None:
 
 
 class Search:
-    """Finds given edges in some states, and stores the state, the guide and the number of lines of each search."""
+    """A replacement for the search: it finds given edges in some states, and records its arguments."""
 
     def __init__(self, edge_sets: list[EdgeSet], found: dict[int, EdgeSet]) -> None:
         self.edge_sets, self.found = list(edge_sets), found
@@ -641,7 +641,7 @@ def test_a_beam_is_searched_with_the_nearest_earlier_and_then_later_state() -> N
 
 @pytest.mark.parametrize(("across", "accepted"), [(1.5, True), (3.2, True), (3.3, False), (-0.3, False)])
 def test_a_beam_between_two_states_lies_between_them(across: float, accepted: bool) -> None:
-    """Between lines at 0 and 3 mm, with half of the width of 1 mm as tolerance of both distances together."""
+    # Between lines at 0 and 3 mm, with half of the width of 1 mm as tolerance of both distances together.
     first, last = edge_set((10.0, 0.0)), edge_set((10.0, 3.0))
     sets = [first, edge_set(None), last]
     between = edge_set((10.0, across))
@@ -790,7 +790,7 @@ def test_the_fields_change_with_the_coil_constant(
 
 
 class Video:
-    """A video of numbered frames at 10 per second, in the place of OpenCV's."""
+    """A replacement for OpenCV's video, with numbered frames at 10 per second."""
 
     def __init__(self, frames: int, opened: bool = True, **properties: float) -> None:
         self.frames, self.at, self.opened, self.released = frames, -1, opened, False
@@ -964,7 +964,7 @@ def test_words_and_numbers_of_names() -> None:
 
 
 def of_video(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, every: int | None = None) -> listing.Listing:
-    """Return the frames of a video of 11 frames at 0, 0.1, ..., 1 s that a table lists."""
+    """Return the frames, listed in a table, of a video of 11 frames at 0, 0.1, ..., 1 s."""
     monkeypatch.setattr(listing, "frame_times", lambda path: 0.1 * np.arange(11))
     (tmp_path / "states.csv").write_text(text)
     return listing.list_frames(tmp_path / "v.mp4", tmp_path / "states.csv", every)

@@ -86,7 +86,7 @@ def test_a_picture_of_one_brightness_needs_another_exposure(image: Array, words:
     ],
 )
 def test_a_beam_that_begins_outside_the_picture_is_cut(clamp: tuple[float, float], cut: bool) -> None:
-    """Both edges begin half a width, 7 px, beside the clamp and half a width ahead of it."""
+    # Both edges begin half a width, 7 px, beside the clamp and half a width ahead of it.
     stated = CALIBRATION.model_copy(update={"clamp_midpoint_px": clamp})
     assert bool(_cut_by_border(np.zeros((112, 128)), stated, specimen())) is cut
 

@@ -1,7 +1,4 @@
-"""Small files of tracking programs give the numbers that stand in them, and tables of loads the loads of their cells.
-
-The expected numbers are those written in the files; unit, axes and limits are computed by hand.
-"""
+"""Files of tracking programs give the numbers in them, and tables of loads the loads of their cells."""
 
 from __future__ import annotations
 
@@ -87,7 +84,7 @@ def test_empty_cells_are_not_a_number_and_commas_are_points() -> None:
 
 
 def test_deeplabcut_leaves_out_a_position_below_its_cutoff(write: Write) -> None:
-    """DeepLabCut's default pcutoff is 0.6: a position with this likelihood counts."""
+    # DeepLabCut's default pcutoff is 0.6: a position with this likelihood counts.
     head = "scorer,s,s,s,s,s,s,s\nindividuals,m1,m1,m1,m1,m1,single,single\n"
     head += "bodyparts,tip,tip,tip,foot,foot,root,root\ncoords,x,y,likelihood,x,likelihood,x,y\n"
     tracks = read_deeplabcut(write(head + "4,1,2,0.6,3,1,5,6\n7,1.5,2.5,0.59,3,1,,6\n9,1,2,,3,1,7,8\n"))
@@ -238,7 +235,7 @@ def ncorr(path: Path, u: list[Any], v: list[Any], spacing: float = 2.0, pixel: f
 
 
 def test_ncorr_displacements_are_on_a_grid_of_pixels(tmp_path: Path) -> None:
-    """A spacing of 2 puts a point on each third pixel; a displacement of 0 in both directions is outside the region."""
+    # A spacing of 2 puts a point on each third pixel; a displacement of 0 in both directions is outside the region.
     path = tmp_path / "dic.mat"
     tracks = read_ncorr(ncorr(path, [[[0, 0], [1, 0]], [[0, 0], [2, 0]]], [[[0, 4], [0, 0]], [[0, 0], [3, 0]]]))
     assert (tracks.names, tracks.frames.tolist()) == (("3,0", "0,3"), [0, 1, 2])
@@ -266,7 +263,8 @@ def test_an_unknown_program_is_refused() -> None:
 
 
 def motion(monkeypatch: pytest.MonkeyPatch, **changes: Any) -> None:
-    """Let ezc3d read 3 markers in 2 frames; coordinates are 100 * axis + 10 * marker + frame."""
+    """Let ezc3d read 3 markers in 2 frames."""
+    # The coordinates are 100 * axis + 10 * marker + frame.
     points = np.array([[[100 * a + 10 * m + f for f in (0, 1)] for m in (0, 1, 2)] for a in (1, 2, 3, 4)], dtype=float)
     file: dict[str, Any] = {
         "data": {"points": points, "meta_points": {"residuals": np.array([[[0, 0], [-1, 0], [0, -1]]])}},
@@ -294,7 +292,7 @@ def motion(monkeypatch: pytest.MonkeyPatch, **changes: Any) -> None:
 
 
 def test_markers_have_the_frames_of_the_recording(monkeypatch: pytest.MonkeyPatch) -> None:
-    """ezc3d counts the first frame from 0, and the recording from 1; a residual below 0 means not seen."""
+    # ezc3d counts the first frame from 0, and the recording from 1; a residual below 0 means not seen.
     motion(monkeypatch)
     tracks = c3d.read_in_this_process(Path("run.c3d"))
     assert tracks.names == ("a", "b", "marker 3")
@@ -322,7 +320,7 @@ def test_markers_have_the_frames_of_the_recording(monkeypatch: pytest.MonkeyPatc
 
 
 def test_the_reader_of_markers_has_limits(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """A quarter of the free memory, at most 64 bytes for each byte, 2 GiB for Python; 10 s and 1 s for each MB."""
+    # A quarter of the free memory, at most 64 bytes for each byte, 2 GiB for Python; 10 s and 1 s for each MB.
     limits: list[int] = []
     monkeypatch.setattr(c3d, "limit_memory", limits.append)
     monkeypatch.setattr(c3d, "free_memory_bytes", lambda: 4000)
@@ -365,7 +363,7 @@ IN_CM: dict[str, Any] = {"unit": "cm", "clamp": (1.0, 2.0), "axis_deg": 90.0, "s
 
 @pytest.mark.parametrize(("unit", "mm"), [("mm", 1.0), ("cm", 10.0), ("m", 1000.0), ("in", 25.4)])
 def test_the_unit_and_the_axes_of_a_file_are_converted(unit: str, mm: float) -> None:
-    """With an axis of 90 degrees, (1, 5) is 3 along the beam, and (0, 2) is 1 to the left of the axis, toward +y."""
+    # With an axis of 90 degrees, (1, 5) is 3 along the beam, and (0, 2) is 1 to the left of the axis, toward +y.
     placed = place(tracks_of([[[1, 5], [0, 2]], [[1, 2], [NAN, 2]]]), Placing(**IN_CM | {"unit": unit}), "t")
     same(placed.places_mm, np.array([[[3, 0], [0, 1]], [[0, 0], [NAN, NAN]]]) * mm)
     same(placed.rest_mm, np.array([[0, 0], [NAN, NAN]]) * mm)
@@ -452,7 +450,7 @@ def beam(length_mm: float = 50.0, width_mm: float = 5.0) -> Any:
 
 
 def test_points_up_to_2_percent_of_the_width_beside_the_beam_are_on_it(capsys: pytest.CaptureFixture[str]) -> None:
-    """The tolerance is 0.02 * 5 mm = 0.1 mm beside the edges at +-2.5 mm, before the clamp, and beyond the tip."""
+    # The tolerance is 0.02 * 5 mm = 0.1 mm beside the edges at +-2.5 mm, before the clamp, and beyond the tip.
     rest = [[-0.09, 0], [-0.11, 0], [50.09, 0], [50.11, 0], [25, 2.59], [25, 2.61], [25, -2.59], [25, -2.61], [9, 0]]
     chosen = tracked_states.points_on_beam(placed_points(rest), [0], beam(), Path("t"))
     assert chosen.tolist() == [0, 2, 4, 6, 8]
@@ -494,7 +492,7 @@ def row(**cells: str) -> Row:
 
 
 def test_a_row_gives_the_number_or_the_nearest_time_of_a_frame() -> None:
-    """Frames 10, 11 and 12 have the times 0, 0.5 and 1 s; a time may be one step away from them."""
+    # Frames 10, 11 and 12 have the times 0, 0.5 and 1 s; a time may be one step away from them.
     placed = placed_points([[1.0, 0]], [[[1, 0]]] * 3, np.array([0.0, 0.5, 1.0]))
     frame_of = tracked_states._frame_of
     assert [frame_of(row(frame=cell), placed, Path("t")) for cell in ("10", "12")] == [0, 2]

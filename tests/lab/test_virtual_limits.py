@@ -62,7 +62,7 @@ def test_inputs_that_cannot_be_simulated_are_refused(changed: dict[str, Any], wo
 
 
 def test_a_step_without_a_solution_is_shortened_to_a_microsecond_before_the_beam_is_given_up() -> None:
-    """Steps of 2 ms, each 0.3 times the step before, are tried down to the first one below 1 microsecond."""
+    # Steps of 2 ms, each 0.3 times the step before, are tried down to the first one below 1 microsecond.
     beam = MovingBeam(BEAM, STIFFNESS, 50e3, None, along_gravity)
     beam.start(0.0, 0.0)
     parts = []
@@ -90,7 +90,7 @@ def test_the_steps_grow_after_the_motion_and_end_at_the_asked_time() -> None:
 
 
 def test_no_equilibrium_of_the_rod_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A residual of more than 1e-6 of the largest one is no equilibrium."""
+    # A residual of more than 1e-6 of the largest one is no equilibrium.
     beam = MovingBeam(BEAM, STIFFNESS, 50e3, None, along_gravity)
     for residual, is_refused in ((2e-6, True), (-2e-6, True), (0.5e-6, False)):
         solved = SimpleNamespace(fun=np.array([0.0, residual]), x=np.arange(7.0))
@@ -103,7 +103,7 @@ def test_no_equilibrium_of_the_rod_is_an_error(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_the_losses_of_a_beam_without_a_series_have_the_loss_factor_at_its_lowest_frequency() -> None:
-    """The viscosity, times the lowest angular frequency of the equations of motion, is the loss factor."""
+    # The viscosity, times the lowest angular frequency of the equations of motion, is the loss factor.
     beam = MovingBeam(BEAM, STIFFNESS, 50e3, None, along_gravity, 0.2)
     other = MovingBeam(BEAM, STIFFNESS, 4 * 50e3, None, along_gravity, 0.2)
     frequency = 0.2 / beam._viscosity_s
@@ -130,10 +130,8 @@ def moving_outlines() -> tuple[MovingBeam, MovingOutlines]:
 
 
 def test_points_of_the_outline_move_with_the_strain_at_their_place() -> None:
-    """With an even strain of 0.01, a point moves along the beam by 0.01 times its distance from the begin of the rod.
-
-    The rod is 25 mm long and begins 1 mm from the clamp; beyond its end at 26 mm, all points move alike.
-    """
+    # With an even strain of 0.01, a point moves along the beam by 0.01 times its distance from the begin of the rod.
+    # The rod is 25 mm long and begins 1 mm from the clamp; beyond its end at 26 mm, all points move alike.
     beam, shapes = moving_outlines()
     rest = beam.at_rest(0.0)
     stretched = rest.copy()
@@ -148,7 +146,7 @@ def test_points_of_the_outline_move_with_the_strain_at_their_place() -> None:
 
 
 def test_the_tip_of_the_outline_turns_with_the_magnet_about_the_end_of_the_rod() -> None:
-    """If only the hinge turns by 0.05 beside the shape at rest with the same tip angle, the outline follows the rod."""
+    # If only the hinge turns by 0.05 beside the shape at rest with the same tip angle, the outline follows the rod.
     beam, shapes = moving_outlines()
     turned = beam.at_rest(0.0)
     turned[3] += 0.05
@@ -255,7 +253,7 @@ def test_a_camera_without_a_frame_rate_takes_ten_frames_per_second_and_draws_a_s
 def test_the_frames_of_a_real_rig_show_the_beam_in_every_direction(
     axis_deg: float, farthest_mm: tuple[float, float]
 ) -> None:
-    """The frames show 0.7 lengths of 30 mm on both sides, 0.1 behind the clamp, and 0.1 beyond the tip."""
+    # The frames show 0.7 lengths of 30 mm on both sides, 0.1 behind the clamp, and 0.1 beyond the tip.
     rig = load_rig("virtual")
     calibration = rig.calibration.model_copy(
         update={"pixels_per_mm": 10.0, "clamp_midpoint_px": (400.0, 400.0), "axis_angle_deg": axis_deg}

@@ -1,9 +1,6 @@
-"""The intermediate results of the search for back-lit edges in small pictures are as in an accepted description.
+"""Numbers of the search for back-lit edges in small pictures agree with the accepted descriptions in `back_lit`."""
 
-The folder `back_lit` has the description of each picture. The true edges of the pictures are known, and a test compares
-the located points with them. If a change of the search is wanted, read the differences that the failing test prints,
-and copy the new description over the accepted one.
-"""
+# If a change of the search is wanted, read the differences before you copy a new description over the accepted one.
 
 from __future__ import annotations
 
@@ -167,7 +164,7 @@ CASES: tuple[Callable[[], Case], ...] = (
 
 
 def steps_of(case: Case, name: str) -> Iterator[str]:
-    """Yield the lines of the description of each step of the search."""
+    """Yield the description of each step of the search."""
     findings: dict[str, float] = {}
     search = BackLitSearch(BeamFrame(case.calibration), case.calibration.pixels_per_mm, case.specimen, findings, None)
     search.projection = case.projection
@@ -195,7 +192,7 @@ def test_each_step_of_the_search_has_the_accepted_numbers(case: Callable[[], Cas
 
 @pytest.mark.parametrize("case", [plain, bent, with_a_magnet, lit, in_a_weighted_sum_of_colours])
 def test_the_points_lie_on_the_true_edges(case: Callable[[], Case]) -> None:
-    """The points lie near the edges that were drawn, 1 mm on each side of the middle line x² bend / length."""
+    # The edges were drawn 1 mm on each side of the middle line x² bend / length.
     given = case()
     edges = find_edges(given.image, given.calibration, given.specimen, projection=given.projection)
     for edge in (edges.left, edges.right):
@@ -208,7 +205,7 @@ def test_the_points_lie_on_the_true_edges(case: Callable[[], Case]) -> None:
 
 
 def test_drawings_are_as_accepted(tmp_path: Path) -> None:
-    """The ruled picture, and the sheet of several pictures, have the accepted mean colours in each of 8 x 8 parts."""
+    # The description has the mean colours of the ruled picture, and of the sheet of several pictures, in 8 x 8 parts.
     image = plain().image
     line = np.array([[60.0, 26.0], [64.0, 70.0], [80.0, 110.0]])
     pictures = {

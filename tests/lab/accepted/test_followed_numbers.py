@@ -1,9 +1,6 @@
-"""The intermediate results of following the beam in small pictures are as in an accepted description.
+"""Numbers of the search that follows a beam in small pictures agree with accepted descriptions."""
 
-`followed_numbers.txt` lists numbers of each step of the search. The true edges of the pictures are known, and the
-located points lie near them. If a change of the search is wanted, read the differences that the failing test prints,
-and copy the new description over the accepted one.
-"""
+# If a change of the search is wanted, read the differences before you copy a new description over the accepted one.
 
 from __future__ import annotations
 
@@ -189,7 +186,7 @@ CASES: tuple[Callable[[], FollowedBeam], ...] = (
 
 
 def steps_of(followed: FollowedBeam, name: str) -> Iterator[str]:
-    """Yield the lines of the description of each step of the search."""
+    """Yield the description of each step of the search."""
     yield from described(followed.findings, f"{name} findings")
     yield from described(followed.words, f"{name} words")
     if followed.working is not None:

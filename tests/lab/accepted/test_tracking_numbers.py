@@ -1,8 +1,6 @@
-"""The tracked beam in small recordings, the tables of quality checks and the projections are as in a description.
+"""Numbers of the beam in small recordings, of the quality checks and of projections are as in accepted descriptions."""
 
-If a change is wanted, read the differences that the failing test prints, and copy the new description over the accepted
-one, in the folder of this file. Further tests compare the tracked beam with the drawn one.
-"""
+# If a change is wanted, read the differences before you copy a new description over the accepted one.
 
 from __future__ import annotations
 
@@ -33,7 +31,7 @@ BENDS = (0.0, 0.05, 0.15, 0.3, 0.35, 0.3)
 
 
 def drawn_edges(bend: float, wider_mm: float = 0.0) -> EdgeSet:
-    """Return the edges of a beam that is bent like in a small picture."""
+    """Return the edges of a bent beam."""
     along = np.linspace(1.0, 11.0, 24)
     slope = 2.0 * bend * along / 12.0
     normal = np.column_stack([-slope, np.ones(24)]) / np.sqrt(1.0 + slope**2)[:, None]
@@ -65,7 +63,7 @@ CASES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
 
 
 def tracked(name: str) -> Iterator[str]:
-    """Yield the description of the tracked beam in each frame of a recording."""
+    """Yield the description of the beam in each frame of a recording."""
     given, options = CASES[name]
     frames = recording(**given)
     tracker = BeamTracker(frames[0], drawn_edges(0.0, 0.05), FRAME, 12.0, **options)
@@ -101,7 +99,7 @@ def test_the_tracked_beam_lies_on_the_drawn_one(given: dict[str, Any], from_fram
 
 
 def test_a_curve_follows_points_and_keeps_its_length() -> None:
-    """A curve through points of an arc lies on the arc, and continues straight beyond the last point."""
+    # The points lie on an arc; the curve continues straight beyond the last point.
     angle = np.linspace(0.0, 1.2, 30)
     points = 80.0 * np.column_stack([np.sin(angle), 1.0 - np.cos(angle)])
     curve = curve_through(points, 110.0)
@@ -141,7 +139,7 @@ def test_the_place_and_height_of_a_step() -> None:
 
 
 def band_by_loop(profile: Any, u: Any, half: float, reach: float, polarity: float) -> tuple[float, float]:
-    """Return the shift with the largest contrast of a band, and this contrast, by a loop over all shifts."""
+    """Return the shift with the largest contrast of a stripe, and this contrast, by a loop over all shifts."""
     best = (0.0, -np.inf)
     beside = max(4.0, 0.35 * half)
 
@@ -187,7 +185,7 @@ def textured(x: float = 0.0, y: float = 0.0, wide: int = 240) -> Any:
 
 @pytest.mark.parametrize("wide", [240, 1404])
 def test_the_motion_of_the_camera_is_removed(wide: int) -> None:
-    """A picture that is shifted by 3 px and 2 px is shifted back, also if a wide picture is halved before."""
+    # A picture is shifted by 3 px and 2 px; a wide picture is halved before.
     reference = textured(wide=wide)
     outline = np.array([[100.0, 60.0], [140.0, 60.0], [140.0, 120.0], [100.0, 120.0]])
     view = SteadyView(reference, outline)
@@ -218,7 +216,7 @@ def test_a_picture_without_texture_outside_the_outline_stays_as_it_is() -> None:
 
 
 def row_of(check_of: Check) -> str:
-    """Return a row of the table of quality checks as text, with the deviation that three values add to the points."""
+    """Return a row of the table of quality checks as text, with the deviations that three measured values add."""
     widens = "" if check_of.widens is None else " ".join(f"{check_of.widens(value):.5g}" for value in (0.1, 0.9, 3.0))
     return (
         f"{check_of.finding}: {check_of.name} {'below' if check_of.below else 'above'} {check_of.limit}, "
@@ -231,7 +229,7 @@ def test_the_table_of_quality_checks_is_as_accepted(tmp_path: Path) -> None:
 
 
 def test_the_weights_of_colours_are_as_accepted(tmp_path: Path) -> None:
-    """The weights of beams of several colours on several grounds are as in the description, and separate them."""
+    # The weights also separate the beams of several colours from their grounds.
     cases = {
         "red on grey": ((40.0, 50.0, 200.0), (150.0, 150.0, 150.0), {}),
         "blue on red": ((200.0, 90.0, 60.0), (60.0, 70.0, 200.0), {}),

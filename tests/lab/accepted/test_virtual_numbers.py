@@ -1,8 +1,6 @@
-"""The rod, the moving beam, the optics and the simulated bench give the numbers of an accepted description.
+"""Numbers of the rod, the moving beam, the optics and the simulated bench agree with accepted descriptions."""
 
-If a change is wanted, read the differences that the failing test prints, and copy the new description over the accepted
-one, in the folder `virtual`. Further tests compare the rod with formulas.
-"""
+# If a change is wanted, read the differences before you copy a new description over the accepted one.
 
 from __future__ import annotations
 
@@ -85,7 +83,6 @@ def test_the_rod_has_the_accepted_numbers(tmp_path: Path) -> None:
 
 
 def test_the_derivatives_of_the_rod_are_those_of_its_places() -> None:
-    """The derivatives and accelerations of the mass points agree with differences of the places of points."""
     rng = np.random.default_rng(6)
     for _, rod in rods():
         z, speed = 0.3 * rng.standard_normal((2, rod.size))
@@ -107,7 +104,6 @@ def test_the_derivatives_of_the_rod_are_those_of_its_places() -> None:
 
 
 def test_the_forces_of_the_rod_are_the_gradient_of_its_energy() -> None:
-    """Gravity and field act on the coordinates as the gradient of the potential energy in them."""
     rng = np.random.default_rng(7)
     field, gravity = np.array([2e-3, 5e-3]), np.array([9.8, 1.0])
     for specimen, rod in ((WITH_MAGNET, Rod(WITH_MAGNET, STIFFNESS)), (MAGNETISED, Rod(MAGNETISED, FREE))):
@@ -177,7 +173,7 @@ def test_a_beam_at_rest_stays_and_a_moved_one_returns_to_rest() -> None:
 
 
 def test_the_moving_outline_is_that_of_the_solid_at_rest() -> None:
-    """For a rod at rest, the outline is the given one; for another shape it moves with the rod."""
+    # For another shape of the rod, the outline moves with the rod.
     beam = moving()
     along = np.linspace(0.0, 30.0, 13)
 
@@ -228,7 +224,7 @@ def test_rendered_scenes_have_the_accepted_numbers(tmp_path: Path) -> None:
 
 
 def test_the_light_of_a_scene_follows_from_its_transmissions() -> None:
-    """Far from all borders, the grey value is the back-light times the transmission of what is in front of it."""
+    # Far from all borders, the grey value is the back-light times the transmission of what is in front of it.
     plain = Optics(blur_px=0.0, gradient=0.0, vignette=0.0, lumps=0.0, silicone_transmission=0.3, background=0.8)
     scene = make_scene(plain, (56, 48), BEAM_PX, MAGNET_PX, CLAMP_PX)
     assert scene.mean[45, 45] == pytest.approx(0.8 * 255.0)
@@ -349,7 +345,7 @@ def test_an_emulated_sensor_reads_the_field_at_its_place_or_the_temperature_of_t
 
 
 def test_a_served_picture_begins_at_the_corner_of_the_sensor(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Rows above and columns left of the region are black, and pictures of more bits are reduced to 8 bits."""
+    # Rows above and columns left of the region are black, and pictures of more bits are reduced to 8 bits.
     from eimi_lab.virtual import served_bench
 
     image = np.arange(12, dtype=np.uint16).reshape(3, 4) * 256
@@ -391,7 +387,7 @@ def test_the_files_of_a_simulation_have_every_state(tmp_path: Path) -> None:
 
 
 def test_the_client_rig_shows_the_beam_with_a_margin(tmp_path: Path) -> None:
-    """Without a region of the camera, the frames show 0.7 lengths on both sides of the beam and 0.1 beyond its tip."""
+    # Without a region of the camera, the frames show 0.7 lengths on both sides of the beam and 0.1 beyond its tip.
     rig = load_rig("virtual")
     calibration = rig.calibration.model_copy(
         update={"pixels_per_mm": 10.0, "clamp_midpoint_px": (250.0, 40.0), "axis_angle_deg": 90.0}
@@ -409,7 +405,6 @@ def test_the_client_rig_shows_the_beam_with_a_margin(tmp_path: Path) -> None:
 
 
 def test_the_solid_of_the_virtual_beam_is_the_solid_of_a_fit() -> None:
-    """The tip of the virtual beam at a field is that of the finely solved solid."""
     from eimi_lab.virtual.beam import VirtualBeam, VirtualLoads
 
     rig = load_rig("virtual")
