@@ -35,7 +35,7 @@ _OPERATORS: dict[type[ast.operator], tuple[str, str]] = {
     ast.Mod: ("%", "*"),
 }
 # Functions whose result does not depend on the order of their arguments.
-_SYMMETRIC = ("max", "min", "math.hypot", "np.hypot", "np.maximum", "np.minimum")
+_SYMMETRIC = ("max", "min", "math.hypot", "np.hypot", "np.maximum", "np.minimum", "suppress")
 
 
 @dataclass(frozen=True)
