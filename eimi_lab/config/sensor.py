@@ -12,7 +12,6 @@ from eimi_drivers.installed import did_you_mean
 from eimi_drivers.sensors.coil_thermometer import CoilThermometer
 from eimi_drivers.sensors.sensor_names import SENSORS
 from eimi_drivers.supplies.address import check_address
-from eimi_lab.config.interlock import READINGS
 from eimi_lab.config.toml import Table
 
 EMULATED = "virtual"
@@ -80,8 +79,6 @@ class RigSensor(Table):
 
     @model_validator(mode="after")
     def _consistent(self) -> RigSensor:
-        if self.name in READINGS:
-            raise ValueError(f"name = {self.name!r} is the name of a reading of the supply; choose another name")
         if self.at_magnet == 0 or (self.at_magnet != 1 and self.measures != "field"):
             raise ValueError(
                 f"at_magnet = {self.at_magnet:g} should be the field at the magnet divided by the field at the probe, "

@@ -581,6 +581,11 @@ def test_the_shape_of_the_field_reaches_the_simulation() -> None:
 # Rigs
 
 
+def test_no_sensor_can_have_the_name_of_a_reading_of_the_supply() -> None:
+    """A sensor has a name of small letters; the readings of the supply end in a capital letter."""
+    assert all(name != name.lower() for name in READINGS)
+
+
 def test_the_power_of_the_coil_is_current_times_voltage() -> None:
     measured = SimpleNamespace(voltage_V=3.0, current_A=0.5)
     assert {name: read(measured) for name, read in READINGS.items()} == {  # type: ignore[arg-type]
