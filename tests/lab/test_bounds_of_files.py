@@ -168,6 +168,7 @@ BOUNDS: list[tuple[type, dict[str, Any], str, Any, Any]] = [
     (RigSensor, A_SENSOR, "name", "a_1", "1a"),
     (RigSensor, A_SENSOR, "name", "coil", "coil_power_W"),
     (RigSensor, A_SENSOR, "address", "x", ""),
+    (RigSensor, A_SENSOR, "address", "socket://lab:7", "spy://file"),
     (RigSensor, A_SENSOR, "driver", "lakeshore-475", "lakeshore-999"),
     (RigSensor, A_SENSOR, "uncertainty", 0.0, -0.1),
     (RigSensor, A_SENSOR, "uncertainty_share", 0.5, 0.51),
@@ -177,6 +178,13 @@ BOUNDS: list[tuple[type, dict[str, Any], str, Any, Any]] = [
     (RigSensor, A_SENSOR, "at_rest_degC", None, 20.0),
     (RigSensor, A_SENSOR, "at_rest_A", None, 0.1),
     (Supply, {"driver": "scpi", "limits": SupplyLimits(current_A=1.0, voltage_V=1.0)}, "address", "COM3", ""),
+    (
+        Supply,
+        {"driver": "scpi", "limits": SupplyLimits(current_A=1.0, voltage_V=1.0)},
+        "address",
+        "socket://lab:7",
+        "spy://file",
+    ),
     (Supply, {"address": "COM3", "limits": SupplyLimits(current_A=1.0, voltage_V=1.0)}, "driver", "scpi", "spci"),
     (
         Supply,

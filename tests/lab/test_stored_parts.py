@@ -55,6 +55,7 @@ from eimi_lab.dataset.layout import (
 from eimi_lab.dataset.logged_sensor import LoggedSensor
 from eimi_lab.dataset.measured_columns import measured_column, write_measured_columns
 from eimi_lab.dataset.points import Load, TrackedPoints, read_points, write_points
+from eimi_lab.dataset.reading import Dataset
 from eimi_lab.dataset.recorded_frames import creep_frames, recorded_ring_downs
 from eimi_lab.dataset.sensor_logs import make_sensor_logs, read_sensor_logs, rows_of, sensor_names
 from eimi_lab.dataset.state import State
@@ -610,6 +611,38 @@ def test_the_plots_of_a_dataset(entry: h5py.Group) -> None:
     assert (process.attrs["default"], entry.attrs["default"]) == ("tip", "segmentation")
     assert (plot["field"].attrs["units"], plot["tip_deflection"].attrs["units"]) == ("mT", "mm")
     assert "outline" not in process
+
+
+def dataset_of(kind: str, edges: Any = None) -> Dataset:
+    """Return a dataset of the two states, with an angle of gravity of 90 degrees."""
+    made = Dataset.__new__(Dataset)
+    vars(made).update(kind=kind, states=STATES, specimen=SPECIMEN, path=Path("runs/run.h5"), calibration=None)
+    vars(made).update(gravity=True, gravity_angle_deg=90.0, edges=lambda: edges)
+    return made
+
+
+def test_a_notebook_shows_the_states_with_the_flags_of_states_and_edges() -> None:
+    assert repr(dataset_of("points")) == "<Dataset runs/run.h5: type1, 2 states of points>"
+    text = dataset_of("points")._repr_html_()
+    assert "run.h5: type1, Dragon Skin 10, 2 states of points<" in text
+    for cell in ("state", "field, mT", "tip force, N", "flags", "1.000", "2.000", "0.1", "0.2", ">A<"):
+        assert cell in text
+    assert "2 states of frames; no edges yet<" in dataset_of("frames")._repr_html_()
+    found = (edge_set((9.0, 0.0), "B"), edge_set((9.0, 0.0), "A", "C"))
+    text = dataset_of("frames", found)._repr_html_()
+    assert "2 states of frames; with edges<" in text
+    assert ">B<" in text
+    assert ">A, C<" in text
+
+
+def test_what_a_dataset_does_not_have_is_refused() -> None:
+    with pytest.raises(InputError, match=r"^runs/run\.h5: has no edges yet; `eimi segment` finds the edges$"):
+        dataset_of("frames").to_xarray()
+    with pytest.raises(ValueError, match=r"run\.h5 holds frames of a camera and no tracked points; `edges\(\)` gives"):
+        dataset_of("frames").points()
+    assert dataset_of("points").times_of_states().tolist() == []
+    same(dataset_of("points").upright([[0.0, 1.0], [2.0, 0.0]]), [[0.0, -1.0], [-2.0, 0.0]])
+    assert dataset_of("points").sensors() == ()
 
 
 # Search beside neighbours
