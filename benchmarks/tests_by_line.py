@@ -103,7 +103,8 @@ class TestsByLine:
         else:
             module = ".".join(Path(file).with_suffix("").parts[0 if file.startswith("eimi_lab") else 1 :])
             every = _files_with("pkgutil.walk_packages")  # these tests import all modules
-            importing = self._of_files([*_files_with(module.removesuffix(".__init__")), *every])
+            named_or_imported = {*_files_with(module.removesuffix(".__init__")), *files_that_import(file, PROJECT)}
+            importing = self._of_files([*named_or_imported, *every])
             nodes = {context.partition("|")[0] for contexts in by_line.values() for context in contexts if context}
             package = self._of_files(_files_with(module.rpartition(".")[0]))
             chosen = [*self._in_order(importing), *self._in_order(nodes), *self._in_order(package)]
@@ -173,7 +174,8 @@ def files_that_import(file: str, project: Path) -> list[str]:
     *package, module = Path(file).with_suffix("").parts[0 if file.startswith("eimi_lab") else 1 :]
     dotted = re.escape(".".join(package))
     imports = re.compile(
-        rf"from {dotted}\.{module} import|import {dotted}\.{module}\b|from {dotted} import .*\b{module}\b"
+        rf"from {dotted}\.{module} import|import {dotted}\.{module}\b"
+        rf"|from {dotted} import (?:[^(\n]*|\([^)]*)\b{module}\b"
     )
     files = sorted((project / "tests").rglob("test_*.py"))
     return [path.relative_to(project).as_posix() for path in files if imports.search(path.read_text(encoding="utf-8"))]

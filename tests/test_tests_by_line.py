@@ -85,9 +85,11 @@ def test_the_files_that_import_a_module_are_found_by_its_whole_name(tmp_path: Pa
         "e": "from eimi_lab.page import tabs_of_others",
         "f": "from eimi_lab.page import choices",
         "g": "from eimi_fitting.beam.brick import Bricks",
+        "h": "from eimi_lab.page import (\n    choices,\n    tabs,\n)",
+        "i": "from eimi_lab.page import (\n    choices,\n)\ntabs = choices",
     }
     (tmp_path / "tests" / "inner").mkdir(parents=True)
     for name, text in texts.items():
         (tmp_path / "tests" / "inner" / f"test_{name}.py").write_text(text + "\n")
-    for file, names in (("eimi_lab/page/tabs.py", "abc"), ("fitting/eimi_fitting/beam/brick.py", "g")):
+    for file, names in (("eimi_lab/page/tabs.py", "abch"), ("fitting/eimi_fitting/beam/brick.py", "g")):
         assert files_that_import(file, tmp_path) == [f"tests/inner/test_{name}.py" for name in names]

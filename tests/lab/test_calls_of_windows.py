@@ -75,7 +75,7 @@ def console() -> SimpleNamespace:
 
 @pytest.fixture
 def on_windows(monkeypatch: pytest.MonkeyPatch, kernel: Kernel, console: Any) -> Callable[[str], ModuleType]:
-    """A function that loads a module of the package `eimi_lab.process` as on Windows."""
+    """A function that loads a module, given by its full name, as on Windows."""
     monkeypatch.setattr(ctypes, "WinDLL", lambda name: kernel, raising=False)
     monkeypatch.setattr(ctypes, "WinError", lambda: OSError("not a pipe"), raising=False)
     monkeypatch.setattr(ctypes, "WINFUNCTYPE", ctypes.CFUNCTYPE, raising=False)
@@ -89,7 +89,7 @@ def on_windows(monkeypatch: pytest.MonkeyPatch, kernel: Kernel, console: Any) ->
     monkeypatch.setattr(sys, "platform", "win32")
 
     def load(name: str) -> ModuleType:
-        spec = importlib.util.find_spec(f"eimi_lab.process.{name}")
+        spec = importlib.util.find_spec(name)
         assert spec is not None
         assert spec.loader is not None
         module = importlib.util.module_from_spec(spec)
@@ -126,7 +126,7 @@ def test_a_process_leaves_its_job_if_the_job_permits_it(
     monkeypatch.setattr(sys, "_base_executable", sys.executable, raising=False)
     if flags is not None:
         kernel.does["QueryInformationJobObject"] = in_a_job(flags)
-    module = on_windows("detached")
+    module = on_windows("eimi_lab.process.detached")
     assert module.detached() == {"creationflags": 0x08000200 | (0x01000000 if breaks_away else 0)}
     assert module.ended_with_others() is ended
 
@@ -136,7 +136,7 @@ def test_the_interpreter_of_a_virtual_environment_is_started_directly(
 ) -> None:
     monkeypatch.setattr(sys, "_base_executable", "C:\\Python\\python.exe", raising=False)
     monkeypatch.setenv("A_VARIABLE", "kept")
-    options = on_windows("detached").detached()
+    options = on_windows("eimi_lab.process.detached").detached()
     assert options["executable"] == "C:\\Python\\python.exe"
     assert options["env"]["__PYVENV_LAUNCHER__"] == sys.executable
     assert options["env"]["A_VARIABLE"] == "kept"
@@ -149,7 +149,7 @@ def test_the_starter_of_a_process_is_watched_and_killed(
 ) -> None:
     # WaitForSingleObject returns WAIT_TIMEOUT (0x102) for a process that runs.
     kernel.does = {"OpenProcess": lambda *_: HANDLE, "WaitForSingleObject": lambda *_: waited}
-    starter = on_windows("detached").Starter()
+    starter = on_windows("eimi_lab.process.detached").Starter()
     assert kernel.of("OpenProcess") == [(0x00100000 | 0x0001, False, os.getppid())]  # SYNCHRONIZE, PROCESS_TERMINATE
     assert starter.runs() is runs
     assert kernel.of("WaitForSingleObject") == [(HANDLE, 0)]
@@ -159,13 +159,13 @@ def test_the_starter_of_a_process_is_watched_and_killed(
 
 def test_a_starter_that_has_ended_already_does_not_run(on_windows: Load, kernel: Kernel) -> None:
     kernel.does = {"WaitForSingleObject": lambda *_: 0x102}
-    assert not on_windows("detached").Starter().runs()
+    assert not on_windows("eimi_lab.process.detached").Starter().runs()
 
 
 def test_priority_and_order_of_shutdown(on_windows: Load, kernel: Kernel) -> None:
     # BELOW_NORMAL_PRIORITY_CLASS is 0x4000; 0x100 is the lowest level, reserved for the last applications.
     kernel.does = {"GetCurrentProcess": lambda: HANDLE}
-    module = on_windows("detached")
+    module = on_windows("eimi_lab.process.detached")
     module.give_way(5)
     module.be_shut_down_last()
     module.resume(SimpleNamespace())  # does nothing
@@ -187,7 +187,7 @@ def test_a_pipe_is_looked_at_until_data_come_or_the_other_end_is_closed(
         return int(clock["open"])
 
     kernel.does["PeekNamedPipe"] = peek
-    module = on_windows("pipes")
+    module = on_windows("eimi_lab.process.pipes")
     assert module.readable(3, 0.0) is False
     assert clock["s"] == 0.0
     assert not module.readable(3, 0.1)
@@ -212,7 +212,7 @@ def test_a_pipe_is_set_not_to_wait(on_windows: Load, kernel: Kernel, is_pipe: bo
         return int(is_pipe)
 
     kernel.does["SetNamedPipeHandleState"] = set_state
-    module = on_windows("pipes")
+    module = on_windows("eimi_lab.process.pipes")
     if is_pipe:
         module.never_wait_to_write(4)
     else:
@@ -225,7 +225,7 @@ def test_a_pipe_is_set_not_to_wait(on_windows: Load, kernel: Kernel, is_pipe: bo
 def test_handles_are_inherited_only_within_the_context(on_windows: Load, monkeypatch: pytest.MonkeyPatch) -> None:
     inherited: dict[int, bool] = {}
     monkeypatch.setattr(os, "set_handle_inheritable", inherited.__setitem__, raising=False)
-    module = on_windows("pipes")
+    module = on_windows("eimi_lab.process.pipes")
     with module.handed_down(3, 5) as (names, options):
         assert names == [str(HANDLE + 3), str(HANDLE + 5)]
         assert options["startupinfo"].lpAttributeList == {"handle_list": [HANDLE + 3, HANDLE + 5]}
@@ -236,7 +236,7 @@ def test_handles_are_inherited_only_within_the_context(on_windows: Load, monkeyp
 
 def test_a_line_is_put_together_from_its_keys(on_windows: Load, console: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "stdin", SimpleNamespace(isatty=lambda: True))
-    module = on_windows("console")
+    module = on_windows("eimi_lab.process.console")
     console.keys += "stop"
     assert module.typed_line() is None
     console.keys += "q\b \rgo\n"
@@ -254,7 +254,7 @@ def test_no_keys_are_read_without_a_console(
 ) -> None:
     monkeypatch.setattr(sys, "stdin", stdin)
     console.keys += "x\r"
-    assert on_windows("console").typed_line() is None
+    assert on_windows("eimi_lab.process.console").typed_line() is None
     assert console.keys == ["x", "\r"]
 
 
@@ -265,7 +265,7 @@ def test_a_handler_of_the_console_is_added_and_acts(
     slept_s: list[float] = []
     monkeypatch.setattr(time, "sleep", slept_s.append)
     acted: list[str] = []
-    module = on_windows("console")
+    module = on_windows("eimi_lab.process.console")
     module.when_closed(lambda: acted.append("acts"))
     ((handler, add),) = kernel.of("SetConsoleCtrlHandler")
     assert add == 1
@@ -277,7 +277,7 @@ def test_a_handler_of_the_console_is_added_and_acts(
 
 def test_sleep_is_inhibited_by_two_flags_and_allowed_again(on_windows: Load, kernel: Kernel) -> None:
     # ES_CONTINUOUS is 0x80000000 and ES_SYSTEM_REQUIRED is 1; ES_CONTINUOUS alone clears the other flag.
-    module = on_windows("awake")
+    module = on_windows("eimi_lab.process.awake")
     with suppress(KeyError), module.kept_awake("a run"):
         assert kernel.of("SetThreadExecutionState") == [(0x80000001,)]
         raise KeyError
@@ -287,7 +287,7 @@ def test_sleep_is_inhibited_by_two_flags_and_allowed_again(on_windows: Load, ker
 def test_the_clock_counts_milliseconds_beyond_49_days(on_windows: Load, kernel: Kernel) -> None:
     # GetTickCount64 returns milliseconds as 64 bits; 32 bits would begin anew after 49.7 days.
     kernel.does["GetTickCount64"] = lambda: (1 << 32) + 2500
-    assert on_windows("awake").awake_s() == pytest.approx(4294967.296 + 2.5)
+    assert on_windows("eimi_lab.process.awake").awake_s() == pytest.approx(4294967.296 + 2.5)
 
 
 @pytest.mark.parametrize(("answer", "free"), [(1, 3 << 30), (0, 4 << 30)])
@@ -305,7 +305,7 @@ def test_the_free_memory_is_the_available_physical_memory(
         return answer
 
     kernel.does["GlobalMemoryStatusEx"] = status
-    assert on_windows("limits").free_memory_bytes() == free
+    assert on_windows("eimi_lab.process.limits").free_memory_bytes() == free
 
 
 @pytest.mark.parametrize(
@@ -322,7 +322,7 @@ def test_a_process_that_crashed_has_read_a_damaged_file(
         return SimpleNamespace(returncode=status)
 
     monkeypatch.setattr(subprocess, "run", run)
-    module = on_windows("limits")
+    module = on_windows("eimi_lab.process.limits")
     if crashed:
         with pytest.raises(Exception, match=rf"frames\.mp4: is damaged: .*crashed \(exit status {status:#x}\)"):
             module.run_limited("frames.mp4", ["reader"], 20.4)
@@ -334,7 +334,7 @@ def test_a_process_that_crashed_has_read_a_damaged_file(
 def test_closing_the_console_interrupts_and_then_terminates(on_windows: Load, monkeypatch: pytest.MonkeyPatch) -> None:
     # The last signal of `TERMINATION` comes first; the first one follows in time before Windows ends the process.
     done: list[object] = []
-    module = on_windows("stopping")
+    module = on_windows("eimi_lab.process.stopping")
     monkeypatch.setattr(module, "TERMINATION", (15, 21))
     monkeypatch.setattr(module, "signal_main_thread", done.append)
     monkeypatch.setattr(time, "sleep", lambda seconds: done.append(f"waits {seconds} s"))
