@@ -1,4 +1,4 @@
-"""Datasets comply with NXsensor_scan, rules of NeXus for the contents of a file."""
+"""Datasets comply with NXsensor_scan, a set of rules of the file standard NeXus."""
 
 from __future__ import annotations
 
@@ -20,7 +20,6 @@ EDGES = EdgeSet(EdgePoints(POINTS, POINTS[:, 0] + 0.01), EdgePoints(POINTS, POIN
 
 
 def dates(path: Path) -> dict[str, Any]:
-    """Return the dates in a dataset, by their paths."""
     with h5py.File(path) as file:
         return {
             name: entry.asstr()[()] if entry.dtype.hasobject else entry

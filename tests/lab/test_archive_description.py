@@ -276,7 +276,6 @@ def test_a_dataset_is_described_with_its_texts(
 
 @pytest.fixture
 def made(tmp_path: Path) -> Path:
-    """An archive of two files."""
     (tmp_path / "a.txt").write_bytes(b"content " * 1000)
     (tmp_path / "b.png").write_bytes(b"content " * 1000)
     output = tmp_path / "study.eln"

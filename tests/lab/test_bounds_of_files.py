@@ -1,4 +1,4 @@
-"""Each bound of a value in a file holds: the last permitted value is read, the next one is refused with its key."""
+"""Each bound of a value in a file holds: the last permitted value is read, and the next value gives an error."""
 
 from __future__ import annotations
 
@@ -590,7 +590,7 @@ def test_the_shape_of_the_field_reaches_the_simulation() -> None:
 
 
 def test_no_sensor_can_have_the_name_of_a_reading_of_the_supply() -> None:
-    """A sensor has a name of small letters; the readings of the supply end in a capital letter."""
+    # A sensor has a name of small letters; the readings of the supply end in a capital letter.
     assert all(name != name.lower() for name in READINGS)
 
 

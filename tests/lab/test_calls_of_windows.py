@@ -48,7 +48,6 @@ class Kernel:
         return self.functions.setdefault(name, Function(name, self.calls, does))
 
     def of(self, name: str) -> list[tuple[Any, ...]]:
-        """Return the arguments of the calls of a function."""
         return [call[1:] for call in self.calls if call[0] == name]
 
 
@@ -103,7 +102,7 @@ Load = Callable[[str], ModuleType]
 
 
 def in_a_job(flags: int) -> Callable[..., int]:
-    """Return QueryInformationJobObject for a process in a job with LimitFlags `flags`."""
+    """Return a replacement for QueryInformationJobObject, for a process in a job with LimitFlags `flags`."""
     # JOBOBJECT_EXTENDED_LIMIT_INFORMATION has number 9, 144 bytes on 64-bit Windows, and LimitFlags after two times of
     # 64 bits.
 

@@ -36,7 +36,6 @@ maximum = 20.0
 
 @pytest.fixture
 def real(tmp_path: Path) -> Path:
-    """The rig file of a bench with real instruments."""
     (tmp_path / "virtual_calibration.toml").write_text(load_rig("virtual").calibration.text)
     (tmp_path / "real.toml").write_text(REAL)
     return tmp_path / "real.toml"

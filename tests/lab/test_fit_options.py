@@ -19,8 +19,6 @@ from eimi_lab.process.errors import InputError
 
 @dataclass(frozen=True)
 class MoreOptions(FitOptions):
-    """The options of `eimi fit` with one more field."""
-
     population: Annotated[int, typer.Option(help="of the search", min=2)] = 8
 
 

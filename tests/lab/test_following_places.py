@@ -265,9 +265,9 @@ def test_the_halo_of_a_reflection_is_removed_too() -> None:
 
 
 def kept_of(change: float, begin: float, scatter: float = 0.0, spacing: float = 0.1) -> list[bool]:
-    """Return which points are kept of an edge 10 widths long, whose width changes at a distance from the clamp.
+    """Return which points of an edge are kept if the width of the beam changes at the distance `begin` from the clamp.
 
-    change, begin, spacing: in widths. scatter: deviation of the width.
+    All lengths are in widths of the beam, and the edge is 10 widths long. scatter: deviation of the width.
     """
     along = np.arange(0.0, 10.0 + 1e-9, spacing)
     widths = 1.0 + np.where(along > begin, change, scatter * (-1.0) ** np.arange(len(along)))

@@ -1,4 +1,4 @@
-"""A run sends the right messages to its guardian, the process that switches the coil off, and notes its silence."""
+"""A run exchanges the right messages with its guardian, the process that switches the coil off."""
 
 from __future__ import annotations
 
@@ -49,7 +49,6 @@ class Process:
         self.done.append("kill")
 
     def told(self) -> bytes:
-        """Return the messages that the run has sent since the last call."""
         return self.heard.read() or b""
 
 

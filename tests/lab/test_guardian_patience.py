@@ -1,4 +1,4 @@
-"""The guardian (the process that switches the coil off) takes over, and ends its attempts, at the right time."""
+"""The guardian (the process that switches the coil off) takes over from a run, and gives up, at the right time."""
 
 from __future__ import annotations
 
@@ -199,8 +199,6 @@ class Attempts:
 
 
 class Process:
-    """A replacement for the process of a run, which records how often it is killed."""
-
     def __init__(self) -> None:
         self.killed = 0
 
@@ -334,8 +332,6 @@ def test_a_failed_stage_is_forgiven_only_if_the_output_is_off_in_the_end(
 
 
 class Recorder:
-    """A replacement for the guardian process, which records its calls."""
-
     def __init__(self) -> None:
         self.calls: list[str] = []
 

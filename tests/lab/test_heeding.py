@@ -267,10 +267,7 @@ class Sensor:
 
 
 def sensing(*sensors: tuple[str, str, Sensor]) -> tuple[Sensing, SimulatedClock, list[str]]:
-    """Return a reader of sensors, its clock, and its warnings and signs of life ("beat").
-
-    sensors: name, measured quantity and replacement of each sensor.
-    """
+    """Return a reader of `sensors` (name, quantity, replacement), a clock, and a list of warnings and signs of life."""
     clock = SimulatedClock()
     told: list[str] = []
     opened = [

@@ -631,7 +631,7 @@ KEY = b"com.android.capture.fps"
 
 
 def metadata(kind: int, value: bytes, before: tuple[bytes, ...] = (), number: int | None = None) -> bytes:
-    """Return the box moov of a video with a value under the key of the rate, after other keys."""
+    """Return the metadata (box moov) of a video with a value for the frame rate, after other keys."""
     names = [*before, KEY]
     keys = b"".join(box(b"mdta", name) for name in names)
     data = box(b"data", struct.pack(">II", kind, 0) + value)

@@ -22,8 +22,6 @@ from eimi_lab.virtual import virtual_rig
 
 
 class Instrument:
-    """A replacement for an instrument, which records that it was closed."""
-
     settings = CameraSettings(gain=3.0)
 
     def __init__(self, name: str, done: list[str], broken: bool = False) -> None:
@@ -217,8 +215,6 @@ def test_the_camera_of_a_rig_is_a_device_a_recording_or_a_virtual_beam(monkeypat
 
 
 class Run:
-    """A replacement for a run, which records its calls."""
-
     def __init__(self) -> None:
         self.calls: list[str] = []
 

@@ -100,7 +100,7 @@ def square(number: int) -> int:
 
 
 def squares(numbers: list[int], lost: list[int], **options: Any) -> list[tuple[int, Callable[[], int]]]:
-    """Return the results of tasks in an executor that loses its workers at the submissions number `lost`, from 0."""
+    """Return the squares of numbers from an executor that loses its workers at the submissions `lost`, from 0."""
     submissions = iter(number in lost for number in range(100))
     return list(completed(square, lambda n: {"number": n}, numbers, lambda: Here(submissions), **options))
 
@@ -178,7 +178,7 @@ def test_a_worker_ends_with_its_parent_and_collects_garbage_seldom(monkeypatch: 
 
 
 class Cluster:
-    """A dask cluster with two workers, whose answers can be changed by the names of the functions that they run."""
+    """A replacement for a dask cluster with two workers, whose answers a test can change."""
 
     def __init__(self) -> None:
         self.versions = dict.fromkeys(workers.PACKAGES, "1.0")

@@ -50,7 +50,6 @@ class Pictures:
 
 @pytest.fixture
 def opened(monkeypatch: pytest.MonkeyPatch) -> list[Pictures]:
-    """The list of the recordings that a test opens."""
     monkeypatch.setattr(playback, "HELD_FRAME_S", 0.0)
     return []
 

@@ -198,7 +198,7 @@ def test_the_run_sends_a_message_before_the_watchdog_of_the_supply_expires(asked
 
 
 class Watcher:
-    """A replacement for the guardian process: it records its calls, and may raise an error."""
+    """A replacement for the guardian process; it records its calls, and may raise an error."""
 
     def __init__(self, did: list[str]) -> None:
         self.did, self.lost = did, False

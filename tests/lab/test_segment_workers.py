@@ -24,7 +24,6 @@ pytestmark = pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="more workers 
 
 
 def imported(run: Run, files: Path, images: list[NDArray[np.uint8]]) -> Path:
-    """Import images as a dataset with one frame in each state; return its path."""
     folder = files / "frames"
     folder.mkdir()
     lines = ["frame,current_A"]

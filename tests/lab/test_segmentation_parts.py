@@ -188,7 +188,7 @@ def test_the_results_of_workers_are_yielded_in_the_order_of_the_states(monkeypat
 
 @pytest.mark.parametrize("clicked", [False, True])
 def test_each_search_knows_the_last_reliable_state(monkeypatch: pytest.MonkeyPatch, clicked: bool) -> None:
-    """State 1 is not reliable. With clicks, state 1 is expected at state 0, and state 2 too."""
+    # State 1 is not reliable. With clicks, state 1 is expected at state 0, and state 2 too.
     answers = [edges(0.0), edges(5.0, flag("WIDTH_ANOMALY")), edges(1.0, flag("N", Severity.NOTE))]
     asked: list[Any] = []
 

@@ -1,4 +1,4 @@
-"""Steps of a run that are taken seldom: what is refused before it, told during it, and sent to the other processes."""
+"""Steps that a run takes seldom: refusals before it, messages during it, and messages to other processes."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def test_only_a_virtual_bench_has_a_truth(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_an_interlock_is_checked_before_the_coil_is_calibrated(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The first reading of the supply and of the sensors decides whether the calibration begins."""
+    # The first reading of the supply and of the sensors decides whether the calibration begins.
     refused: list[dict[str, float]] = []
 
     class Interlocks:
@@ -143,7 +143,7 @@ def test_a_dataset_without_place_for_ring_downs_is_told(monkeypatch: pytest.Monk
 
 
 def test_a_ring_down_without_its_step_begins_with_its_recording() -> None:
-    """Frames 3, 4 and 7 at 0, 0.1 and 0.4 s: two are lost, and the median interval is 0.2 s."""
+    # Frames 3, 4 and 7 at 0, 0.1 and 0.4 s: two are lost, and the median interval is 0.2 s.
     stored: list[Any] = []
     events: list[Any] = []
     writer = SimpleNamespace(end_ring_down=lambda *given: stored.append(given))
@@ -170,7 +170,7 @@ def test_a_ring_down_without_its_step_begins_with_its_recording() -> None:
 
 
 def test_the_change_of_a_shape_needs_two_frames_of_a_current(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The tip moves from (10, 20) to (13, 24) px, which are 5 px; at 2 px/mm they are 2.5 mm."""
+    # The tip moves from (10, 20) to (13, 24) px, which are 5 px; at 2 px/mm they are 2.5 mm.
     corners = {1: (10.0, 20.0), 2: (13.0, 24.0), 3: (np.nan, np.nan)}
     monkeypatch.setattr(conditioning, "mean_grey", lambda image: image)
     monkeypatch.setattr(
@@ -223,7 +223,7 @@ def test_a_simulated_coil_is_waited_for_in_steps_of_the_simulated_time(monkeypat
 
 
 class Bending:
-    """A camera whose frames, 0.125 s apart, have the ratios to the frame before that a test gives."""
+    """A camera that takes a frame every 0.125 s."""
 
     def __init__(self, clock: Clock) -> None:
         self.clock, self.number, self.flushed = clock, 0, 0
@@ -251,7 +251,7 @@ class Bending:
 def test_a_beam_is_at_rest_after_quiet_pairs_and_without_drift(
     monkeypatch: pytest.MonkeyPatch, ratios: list[float], drifts: list[float], pairs: int, took_s: float | None
 ) -> None:
-    """Frames come every 0.125 s; 3 successive pairs and a window of 0.5 s must be quiet (ratio at most 2)."""
+    # Frames come every 0.125 s; 3 successive pairs and a window of 0.5 s must be quiet (ratio at most 2).
     clock = Clock()
     quiet, slow = iter(ratios), iter(drifts)
     given: dict[tuple[int, int], float] = {}
@@ -435,7 +435,7 @@ def test_a_failed_write_keeps_the_stored_states(
 
 
 def test_a_recording_is_kept_where_the_run_continues(tmp_path: Path) -> None:
-    """After a state is stored, a recording also notices that the file was moved, and continues in a copy."""
+    # After a state is stored, a recording also notices that the file was moved, and continues in a copy.
     path = tmp_path / "run.h5"
     frame = Frame(np.zeros((4, 4), np.uint8), 0, 0.0)
     protocol: Any = SimpleNamespace(

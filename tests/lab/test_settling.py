@@ -144,8 +144,6 @@ def test_a_beam_that_never_rests_is_waited_for_until_the_later_of_both_times(
 
 
 class Seen:
-    """A callback that records the times (s) of the frames during the wait for rest."""
-
     def __init__(self) -> None:
         self.at_s: list[float] = []
 

@@ -85,7 +85,6 @@ GREY = np.zeros((2, 3), np.uint8)
 
 @pytest.fixture
 def entry() -> Iterator[h5py.Group]:
-    """The group `entry` of a file in memory."""
     with h5py.File("memory.h5", "w", driver="core", backing_store=False, libver=("v110", "latest")) as file:
         made = file.create_group("entry")
         put_date(made, "start_time", "2026-01-02T03:04:05+00:00")

@@ -1,4 +1,4 @@
-"""The study repeats the evaluation of Di Lecce et al. (2022) with simulated materials, and compares its claims."""
+"""The study repeats the evaluation of Di Lecce et al. (2022) with simulated materials, and tests the paper's claims."""
 
 from __future__ import annotations
 

@@ -171,8 +171,6 @@ FORM_FIELDS = (
 
 
 class Watcher:
-    """A replacement for the guardian process, which records its calls."""
-
     def __init__(self) -> None:
         self.told: list[Any] = []
         self.measured_s: list[float] = []

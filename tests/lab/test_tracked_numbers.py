@@ -1,4 +1,4 @@
-"""Files of tracking programs give the numbers in them, and tables of loads the loads of their cells."""
+"""Points from files of tracking programs, and loads from tables, are those that the files contain."""
 
 from __future__ import annotations
 
@@ -40,8 +40,6 @@ Write = Callable[[str], Path]
 
 @pytest.fixture
 def write(tmp_path: Path) -> Write:
-    """A function that writes a file, and returns its path."""
-
     def written(text: str) -> Path:
         path = tmp_path / "tracks.txt"
         path.write_text(text, encoding="utf-8")
@@ -55,7 +53,7 @@ def same(found: Any, expected: Any) -> None:
 
 
 def refused(act: Callable[[], object], words: str) -> None:
-    """Assert that a function raises an error with these words, which begins with a file or an option."""
+    """Assert that a function raises an error with `words`, which begins with the name of a file or of an option."""
     with pytest.raises(InputError, match=words) as caught:
         act()
     assert re.match(r"(/[^:]+|t|s|states\.csv|run\.c3d|--[a-z-]+[^:]*): ", str(caught.value))

@@ -284,7 +284,7 @@ def stripes(*shown, aside_px=0.0):
 
 
 def followed_in(run, files, *states, aside_px=(0.0,) * 9, workers=1, along=()):
-    """Segment pictures with two stripes; return which stripe was taken as the beam in each state, and doubts.
+    """Segment pictures with two stripes; return the colour of the stripe that was taken as the beam in each state.
 
     states: the stripes in each picture. aside_px: shift of the pictures to the right.
     """

@@ -81,7 +81,7 @@ def frames_of(*images: Array, step: int = 1) -> list[Frame]:
 
 
 def test_frames_without_even_areas_are_compared_by_their_numbers_alone() -> None:
-    """If fewer than 500 pixels are clear of the edges, no motion is measured."""
+    # If fewer than 500 pixels are clear of the edges, no motion is measured.
     rng = np.random.default_rng(1)
     small = [np.where(np.arange(48) < 24, 40, 200) + rng.integers(-2, 3, (30, 48)) for _ in range(3)]
     assert state_flags(frames_of(*(image.astype(np.uint8) for image in small)), True) == ()
@@ -213,7 +213,7 @@ def test_boards_threads_and_clicks_that_give_no_calibration_are_refused(
 
 
 def test_the_reason_of_a_followed_body_is_suggested_last(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without another beam in the picture, the suggestion is the reason why the followed body is unusable."""
+    # Without another beam in the picture, the suggestion is the reason why the followed body is unusable.
     picture = SmallPicture().beam().exposed()
     findings = {"followed_beyond": 0.5, "followed_sides": 0.5}
     monkeypatch.setattr(suggested_corrections, "follow_beam", lambda *arguments, **options: FollowedBeam(findings))
@@ -275,7 +275,7 @@ def test_a_virtual_beam_without_an_equilibrium_is_refused(monkeypatch: pytest.Mo
 def test_the_depth_effect_is_used_in_the_fields_for_which_it_was_computed(
     monkeypatch: pytest.MonkeyPatch, field_mT: float, sign: float, has_effect: bool
 ) -> None:
-    """Weak negative fields, down to a twentieth of the strongest one, use the solution for positive fields."""
+    # Weak negative fields, down to a twentieth of the strongest one, use the solution for positive fields.
     given: list[Any] = []
 
     class Beside:
@@ -317,7 +317,7 @@ def test_a_plain_solid_without_an_equilibrium_gives_no_rod(monkeypatch: pytest.M
 
 @pytest.mark.parametrize("magnetisation", [(20e3, 0.0), (0.0, 8e3), (20e3, 8e3)])
 def test_a_magnetised_rod_turns_in_a_field(magnetisation: tuple[float, float]) -> None:
-    """The torque on the straight rod is the volume times the cross product of magnetisation and field."""
+    # The torque on the straight rod is the volume times the cross product of magnetisation and field.
     beam = Specimen(30.0, 2.0, 5.0, 1500.0, section="plane-stress", magnetisation_A_per_m=magnetisation)
     straight = Rod(beam, Stiffness(0.03, math.inf))
     still = np.zeros(straight.size)
@@ -336,7 +336,7 @@ def test_the_coordinates_of_a_moving_beam_are_those_of_its_rod() -> None:
 
 
 def test_a_moving_beam_is_drawn_again_only_if_it_has_moved(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The field of a coil in another process is interpolated between the times of two frames."""
+    # The field of a coil in another process is interpolated between the times of two frames.
     rig, current, asked = load_rig("virtual"), [0.5], []
 
     class Moving:

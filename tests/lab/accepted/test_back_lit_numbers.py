@@ -1,4 +1,4 @@
-"""Numbers of the search for back-lit edges in small pictures agree with the accepted descriptions in `back_lit`."""
+"""The search for back-lit edges in small pictures gives the numbers of the accepted descriptions in `back_lit`."""
 
 # If a change of the search is wanted, read the differences before you copy a new description over the accepted one.
 

@@ -1,4 +1,4 @@
-"""Numbers of the search that follows a beam in small pictures agree with accepted descriptions."""
+"""The search that follows a beam in small pictures gives the numbers of the accepted descriptions."""
 
 # If a change of the search is wanted, read the differences before you copy a new description over the accepted one.
 

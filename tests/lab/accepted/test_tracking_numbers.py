@@ -1,4 +1,4 @@
-"""Numbers of the beam in small recordings, of the quality checks and of projections are as in accepted descriptions."""
+"""Tracked beams in small recordings, quality checks and projections have the accepted numbers."""
 
 # If a change is wanted, read the differences before you copy a new description over the accepted one.
 
@@ -216,7 +216,7 @@ def test_a_picture_without_texture_outside_the_outline_stays_as_it_is() -> None:
 
 
 def row_of(check_of: Check) -> str:
-    """Return a row of the table of quality checks as text, with the deviations that three measured values add."""
+    """Return a row of the table of quality checks as text."""
     widens = "" if check_of.widens is None else " ".join(f"{check_of.widens(value):.5g}" for value in (0.1, 0.9, 3.0))
     return (
         f"{check_of.finding}: {check_of.name} {'below' if check_of.below else 'above'} {check_of.limit}, "

@@ -1,4 +1,4 @@
-"""Numbers of the rod, the moving beam, the optics and the simulated bench agree with accepted descriptions."""
+"""The rod, the moving beam, the optics and the simulated bench give the accepted numbers."""
 
 # If a change is wanted, read the differences before you copy a new description over the accepted one.
 

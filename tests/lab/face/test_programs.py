@@ -31,7 +31,6 @@ def code_lines(text: str) -> int:
 
 @pytest.fixture(scope="module")
 def again(bench: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The path of a second dataset from the same virtual bench."""
     toml = [bench / f"{name}.toml" for name in ("protocol", "specimen", "rig")]
     path = tmp_path_factory.mktemp("again") / "run.h5"
     eimi.acquire(toml[0], toml[1], toml[2], path, note="again").close()

@@ -42,8 +42,6 @@ class Answer:
 
 @dataclass
 class Served:
-    """The dashboard's page while it is served from a folder."""
-
     folder: Path
     port: int
     page: Page
@@ -100,7 +98,6 @@ def data_folder(tmp_path_factory: pytest.TempPathFactory, texts: dict[str, str],
 
 @pytest.fixture(scope="session")
 def served(data_folder: Path) -> Iterator[Served]:
-    """The served page of the folder `data_folder`."""
     page = Page(data_folder)
     listening = socket.create_server(("127.0.0.1", 0))
     port = listening.getsockname()[1]
@@ -154,8 +151,6 @@ def tab(chromium: Any) -> Iterator[Callable[[str], Any]]:
 
 @dataclass
 class EmulatedBench:
-    """A folder with the rig file of a bench: emulated supply and coil, and a camera that plays back images."""
-
     folder: Path
     coil: CoilSupply
 

@@ -251,8 +251,6 @@ def test_the_page_keeps_the_sentences_of_the_last_40_events() -> None:
 
 
 class Recorded:
-    """A replacement for a run under way, which records the requests of the page."""
-
     going_on = True
     asked: list[Any] = []  # noqa: RUF012
 

@@ -212,8 +212,6 @@ def test_the_blur_is_stated_always_and_flagged_above_its_limit_only(
 
 
 class Supply:
-    """A replacement for a supply, which records its calls."""
-
     limits = Limits(current_A=2.0, voltage_V=10.0)
     measures_current = False
     reads_zero_within_A = 0.07

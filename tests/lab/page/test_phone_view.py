@@ -41,8 +41,6 @@ def photographs(scene: Any, bodies: Any, tmp_path_factory: pytest.TempPathFactor
 
 
 class Phone:
-    """The view "Weights and a phone" in a tab of the browser."""
-
     def __init__(self, page: Any, size: tuple[int, int]) -> None:
         self.page, self.size = page, size
 

@@ -1,4 +1,4 @@
-"""The dashboard derives the state of the coil from events alone, and never from messages."""
+"""The dashboard derives the state of the coil from events alone."""
 
 from __future__ import annotations
 

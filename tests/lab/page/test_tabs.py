@@ -23,7 +23,6 @@ class Said(logging.Handler):
 
 @pytest.fixture
 def logged() -> Iterator[list[str]]:
-    """The messages that the server logs during a test."""
     handler = Said()
     logger = logging.getLogger("uvicorn.error")
     logger.addHandler(handler)

@@ -19,8 +19,6 @@ from tests.patience import PATIENCE_S
 
 
 class Socket:
-    """A replacement for the WebSocket of a tab in a browser."""
-
     def __init__(self) -> None:
         self.accepted, self.closed = False, ()
         self.sent: list[Any] = []

@@ -1,6 +1,6 @@
-"""Every printed number comes from the right stored number, with the right factor between both.
+"""Every printed number comes from the right stored number, and has the right ratio to the stored number.
 
-`traced_numbers.txt` lists the path of the stored number, and the factor, for each printed number.
+`traced_numbers.txt` lists the path of the stored number, and the ratio, for each printed number.
 """
 
 from __future__ import annotations
@@ -118,7 +118,7 @@ def numbers_of_a_fit(fit: FitRecord, evidence: Evidence, shown: Shown) -> dict[s
 
 
 def numbers_of_the_figures_of_a_fit(fit: FitRecord, shown: Shown) -> dict[str, list[str]]:
-    """Return, by plot, from which stored number each printed number comes: path, factor and unit as text."""
+    """Return, for each plot of a fit, the source of each printed number: path, ratio to the source, and unit."""
     names = ("mu", "moment")
     small = tuple(BudgetEntry("depth", "depth", 0.01, "mm", (0,), effect) for effect in (0.25, 0.2, 0.15))
     record = replace(
@@ -145,7 +145,7 @@ def numbers_of_the_figures_of_a_fit(fit: FitRecord, shown: Shown) -> dict[str, l
 
 
 def numbers_of_the_figures_of_predictions(fit: FitRecord, shown: Shown) -> dict[str, list[str]]:
-    """Return, by plot of two laws, from which invented prediction each printed number comes: path, factor and unit."""
+    """Return, for each plot of predictions by two laws, the source of each printed number: path, ratio, and unit."""
     content = {
         "states": [{"index": k, "field_mT": field} for k, field in enumerate((0.67, 3.49, 6.83))],
         "fits": [
@@ -312,7 +312,7 @@ def traces(
     validation: Callable[..., Validation],
     shown: Shown,
 ) -> dict[str, list[str]]:
-    """Return from which stored number each printed number comes, with the factor between both."""
+    """Return, for each text, table and figure, the stored number from which each printed number comes."""
     return {
         **numbers_of_a_fit(fit, evidence, shown),
         **numbers_of_the_figures_of_a_fit(fit, shown),

@@ -48,7 +48,6 @@ def check(lines: list[str], name: str, folder: Path) -> None:
 
 
 def photographed(folder: Path) -> Path:
-    """Return a dataset of three pictures of a beam that bends."""
     (folder / "specimen.toml").write_text(
         '[specimen]\nname = "drawn"\nmaterial = "soft"\nlength_mm = 10.0\nwidth_mm = 2.0\ndepth_mm = 2.0\n'
         'density_kg_m3 = 1070.0\nsection = "plane-stress"\n[magnet]\nlength_mm = 2.0\nwidth_mm = 2.0\n'

@@ -1,4 +1,4 @@
-"""Find the stored number from which each printed number comes, and the factor between both.
+"""Find the stored number from which each printed number comes, and the ratio of the printed to the stored number.
 
 Each stored number is changed in turn; the printed numbers that change come from the changed number.
 """
@@ -24,8 +24,6 @@ _FACTORS = (1.0, 1e3, 1e-3, 1e2, 1e-2, 1e6, 1e-6, -1.0)
 
 @dataclass(frozen=True)
 class _Printed:
-    """A printed number: its text, its value and its unit."""
-
     text: str
     value: float
     unit: str
@@ -79,7 +77,7 @@ def changed(content: Any, path: str) -> Any:
 
 
 def traced(content: Any, printed: Callable[[Any], Texts], skip: tuple[str, ...] = ()) -> dict[str, list[str]]:
-    """Return, for each printed text, the path of the stored number, the factor and the unit of each printed number.
+    """Return, for each printed text, the source of each number: path of the stored number, ratio to it, and unit.
 
     content: nested lists and dictionaries. printed: function from the content to texts, by name. skip: beginnings of
     paths of numbers that no text contains.
