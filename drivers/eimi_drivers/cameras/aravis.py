@@ -1,4 +1,4 @@
-"""Read GigE Vision and USB3 Vision cameras of any vendor with the library Aravis."""
+"""Read GigE Vision and USB3 Vision cameras with the library Aravis."""
 
 from __future__ import annotations
 
@@ -53,18 +53,18 @@ LARGEST_ID = 65535
 
 @dataclass(frozen=True)
 class Attached:
-    """A camera that the library Aravis has found on the network or on USB.
+    """A camera on the network or on USB.
 
     Parameters
     ----------
     identifier : str
         The text with which Aravis opens the camera.
     serial_number : str
-        The serial number of the camera.
+        The serial number.
     address : str
         The IP address; empty for a camera on USB.
     protocol : str
-        The protocol of the camera, such as "GigEVision".
+        The protocol, such as "GigEVision".
     model : str
         The maker and the model, separated by a space.
     """
@@ -77,7 +77,7 @@ class Attached:
 
 
 def attached_cameras(aravis: Aravis) -> tuple[Attached, ...]:
-    """Return the cameras on the network and on USB. The search takes about a second."""
+    """Return the cameras on the network and on USB."""
     aravis.update_device_list()
 
     def text(name: str, place: int) -> str:
@@ -98,16 +98,8 @@ def attached_cameras(aravis: Aravis) -> tuple[Attached, ...]:
 class AravisCamera:
     """A GigE Vision or USB3 Vision camera that is controlled with the library Aravis.
 
-    The settings select one of three ways to expose:
-
-    - If neither a frame rate nor a trigger input is set, every `grab` triggers an exposure. The exposure then never
-      begins before the call. If the frame does not arrive completely, `grab` triggers again until its timeout.
-    - With a frame rate, the camera exposes at this rate.
-    - With a trigger input, the camera exposes at each signal on this input.
-
-    In the last two cases `grab` returns the frames in the order of their exposure and discards incomplete frames.
-    Aravis requests missing packets again if the camera can send them again. The emulated camera cannot send packets
-    again. These requests were therefore not tested.
+    With a frame rate in the settings, the camera exposes at this rate. With a trigger input, the camera exposes at each
+    signal on this input. Otherwise each call of `grab` triggers an exposure. Incomplete frames are discarded.
 
     Parameters
     ----------
@@ -121,7 +113,7 @@ class AravisCamera:
     settings : CameraSettings
         The settings that were read back from the camera.
     lost_frames : Counter
-        For each reason, the number of frames that did not arrive completely. Frames that `flush` discards do not count.
+        The number of frames that did not arrive completely, by reason.
     """
 
     name = "aravis"
@@ -132,7 +124,7 @@ class AravisCamera:
         Raises
         ------
         InstrumentDisconnected
-            No camera answers at the IP address, or no camera has the serial number.
+            No camera has this IP address or serial number.
         SetPointRefused
             The camera does not permit the value of a setting.
         SetPointNotTaken
@@ -188,13 +180,7 @@ class AravisCamera:
         return bool(self._aravis.gv_device_is_controller(self._aravis.camera_get_device(self._camera)))
 
     def _take_control(self) -> None:
-        """Take control of the camera, and wait for at most `CONTROL_FREE_WITHIN_S` (s) until the camera is free.
-
-        Raises
-        ------
-        InstrumentError
-            Another program still controls the camera.
-        """
+        """Take control of the camera; raise InstrumentError if another program still controls the camera."""
         until_s = time.monotonic() + CONTROL_FREE_WITHIN_S
         while not self._controls():
             if time.monotonic() > until_s:
@@ -219,7 +205,7 @@ class AravisCamera:
         return stream
 
     def identify(self) -> Identity:
-        """Return the maker, model and serial number that the camera reported when it was opened."""
+        """Return the maker, model and serial number of the camera."""
         return self._identity
 
     def flush(self) -> None:
@@ -230,10 +216,7 @@ class AravisCamera:
             self._aravis.stream_push_buffer(self._stream, buffer)
 
     def _popped(self, timeout_s: float) -> int | None:
-        """Return the address of the next buffer with a received frame; None if no frame arrives within `timeout_s` (s).
-
-        The frame can be incomplete.
-        """
+        """Return the address of the next buffer with a frame; None if no frame arrives within `timeout_s` (s)."""
         if timeout_s > 0:
             buffer = self._aravis.stream_timeout_pop_buffer(self._stream, max(round(1e6 * timeout_s), 1))
         else:
@@ -243,11 +226,7 @@ class AravisCamera:
         return buffer
 
     def _discard_late_frames(self, until_s: float) -> None:
-        """Discard the frames that belong to earlier triggers and that no `grab` returned.
-
-        Some of them may not have arrived yet. The method waits for these frames, at most until the time `until_s` (s,
-        on the clock of `time.monotonic`).
-        """
+        """Wait for the frames of earlier triggers, at most until the time `until_s` (s), and discard these frames."""
         self.flush()
         while self._awaited and (left_s := until_s - time.monotonic()) > 0:
             if buffer := self._popped(left_s):
@@ -260,11 +239,11 @@ class AravisCamera:
         Raises
         ------
         InstrumentTimeout
-            No complete frame arrived within `timeout_s` (s). The message contains the reasons for incomplete frames.
+            No complete frame arrived within `timeout_s` (s).
         InstrumentDisconnected
             The camera does not answer, was restarted, or was closed.
         ReplyNotUnderstood
-            The frame has another size than the region, or a pixel format that cannot be decoded.
+            The size of the frame is wrong, or the pixel format cannot be decoded.
         """
         if self._closed:
             raise InstrumentDisconnected(f"{self._label}: the camera was closed; open the camera again")
@@ -323,22 +302,9 @@ class AravisCamera:
         return InstrumentTimeout(f"no complete frame within {timeout_s:g} s{incomplete}")
 
     def _taken(self, buffer: int) -> Frame | None:
-        """Return a copy of the frame in a buffer, and give the buffer back to Aravis.
+        """Return a copy of the frame in a buffer, and give the buffer back to Aravis; None if the frame is incomplete.
 
-        Parameters
-        ----------
-        buffer : int
-            The address of a buffer with a received frame.
-
-        Returns
-        -------
-        Frame or None
-            None if the frame is incomplete. The method then counts it in `lost_frames`.
-
-        Raises
-        ------
-        ReplyNotUnderstood
-            The frame has another size than the region, or a pixel format that cannot be decoded.
+        `buffer` is the address of the buffer.
         """
         aravis = self._aravis
         try:
@@ -364,21 +330,7 @@ class AravisCamera:
             aravis.stream_push_buffer(self._stream, buffer)
 
     def _numbered(self, identifier: int) -> int:
-        """Convert the frame number of the camera into a number that always increases, and count the lost frames.
-
-        The camera counts up to `LARGEST_ID` and then begins at 1 again. The frames whose numbers are missing before
-        this frame are counted in `lost_frames`.
-
-        Parameters
-        ----------
-        identifier : int
-            The frame number of the camera.
-
-        Returns
-        -------
-        int
-            The number of the frame, which increases from frame to frame.
-        """
+        """Convert the frame number of the camera into a number that always increases, and count the missing frames."""
         step = 1 + self._incomplete.total()
         if self._last_id is None:
             self._number = identifier
@@ -394,10 +346,7 @@ class AravisCamera:
         return self._number
 
     def close(self) -> None:
-        """Stop the acquisition and release the camera. Closing twice is allowed.
-
-        If the camera does not answer within `CLOSE_WITHIN_S` (s), the release continues in another thread.
-        """
+        """Stop the acquisition and release the camera. Closing twice is allowed."""
         if self._closed:
             return
         self._closed = True
@@ -413,18 +362,16 @@ class AravisCamera:
             self._aravis.release(self._objects.pop())
 
 
+# Aravis waits up to 5 s for the answer of a camera that was disconnected, so that the caller must not wait.
 class _ControlChannel:
-    """A thread that makes calls to a camera one after the other. The caller of `begin` need not wait for their end.
-
-    This is necessary because Aravis waits up to 5 s for the answer of a camera that was disconnected.
-    """
+    """A thread that makes calls to a camera one after the other."""
 
     def __init__(self, name: str) -> None:
         self._calls: queue.SimpleQueue[tuple[Callable[[], None], Future[None]] | None] = queue.SimpleQueue()
         threading.Thread(target=self._make_calls, name=f"control of {name}", daemon=True).start()
 
     def begin(self, call: Callable[[], None]) -> Future[None]:
-        """Queue a call, which the thread makes after all earlier calls, and return the future of its result."""
+        """Queue a call, and return the future (the later result) of the call."""
         outcome: Future[None] = Future()
         self._calls.put((call, outcome))
         return outcome

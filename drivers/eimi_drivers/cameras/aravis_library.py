@@ -1,8 +1,7 @@
 """Load the library Aravis 0.8 with ctypes and declare the functions that this package calls.
 
-Aravis (LGPL-2.1) controls GigE Vision and USB3 Vision cameras. The reference of Aravis is
-https://aravisproject.github.io/aravis/aravis-stable/. This module needs no Python package for Aravis and no
-introspection data of GObject.
+Aravis (LGPL-2.1) controls GigE Vision and USB3 Vision cameras:
+https://aravisproject.github.io/aravis/aravis-stable/.
 """
 
 from __future__ import annotations
@@ -164,9 +163,8 @@ The sources are gquark.h, gerror.h, gmem.h, gobject.h and gvalue.h.
 class Aravis:
     """The functions of Aravis as methods: ``aravis.camera_get_payload(camera)`` calls ``arv_camera_get_payload``.
 
-    An error of Aravis (GError) is raised as an exception: InstrumentDisconnected if the camera does not answer or is
-    not controlled by this program, SetPointRefused if the GenICam description of the camera does not permit a value,
-    and InstrumentError in all other cases.
+    A method raises InstrumentDisconnected if the camera does not answer or is not controlled by this program,
+    SetPointRefused if the camera does not permit a value, and InstrumentError for every other error of Aravis.
     """
 
     def __init__(self, aravis: ctypes.CDLL, gobject: ctypes.CDLL, glib: ctypes.CDLL) -> None:
@@ -196,7 +194,7 @@ class Aravis:
         return call
 
     def strings(self, name: str, camera: int) -> tuple[str, ...]:
-        """Call a function of Aravis that allocates an array of texts, return the texts, and free the array.
+        """Return the texts in the array that a function of Aravis returns.
 
         `name` is the name of the function, such as ``camera_dup_available_trigger_sources``.
         """
@@ -229,7 +227,7 @@ class Aravis:
 
 @functools.cache
 def load_aravis() -> Aravis:
-    """Return the library Aravis, which is loaded at the first call. Raises InstrumentError if it is not installed."""
+    """Load the library Aravis and return its functions. Raises InstrumentError if Aravis is not installed."""
     system = "linux" if sys.platform.startswith("linux") else sys.platform
     for folder in _FOLDERS.get(system, ()):
         try:

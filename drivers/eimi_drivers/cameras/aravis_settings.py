@@ -23,7 +23,14 @@ _CONTINUOUS, _AUTO_OFF, _CHECK_RANGES = 0, 0, 1
 def set_up(aravis: Aravis, camera: int, settings: CameraSettings) -> CameraSettings:
     """Write the settings to an open camera and return the settings that are read back from the camera.
 
-    `camera` is the pointer to the camera in the library Aravis.
+    Parameters
+    ----------
+    aravis : Aravis
+        The library.
+    camera : int
+        The pointer to the camera in the library.
+    settings : CameraSettings
+        The requested settings.
 
     Raises
     ------
@@ -57,11 +64,7 @@ def set_up(aravis: Aravis, camera: int, settings: CameraSettings) -> CameraSetti
 
 @contextmanager
 def _named(key: str, value: object) -> Iterator[None]:
-    """Put the name and the value of a setting before the message of an InstrumentError in the `with` block.
-
-    `key` is the name of the setting in the rig file. The message of Aravis contains only the name that the camera gives
-    to the setting.
-    """
+    """Put the name and the value of a setting before the message of an InstrumentError in the `with` block."""
     try:
         yield
     except InstrumentError as error:
@@ -77,14 +80,9 @@ def _set_pixel_format(aravis: Aravis, camera: int, settings: CameraSettings) -> 
 
 
 def _set_pace(aravis: Aravis, camera: int, settings: CameraSettings) -> tuple[str | None, float | None]:
-    """Set how the exposures are started, by a trigger or at a frame rate, and return the values that are read back.
+    """Set the trigger or the frame rate, and return the trigger source and the frame rate (Hz) that are read back.
 
-    Returns
-    -------
-    trigger : str or None
-        The source of the trigger; None if a frame rate is set.
-    frame_rate_Hz : float or None
-        The frame rate, Hz; None if the camera is triggered.
+    One of the two results is None.
     """
     if settings.frame_rate_Hz is not None:
         if settings.trigger is not None:

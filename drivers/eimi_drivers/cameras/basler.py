@@ -1,7 +1,4 @@
-"""Read the frames of Basler cameras with pypylon, triggered by software or at a frame rate.
-
-This module needs the extra `basler` of the package.
-"""
+"""Read the frames of Basler cameras with pypylon, triggered by software or at a frame rate."""
 
 from __future__ import annotations
 
@@ -36,16 +33,13 @@ BUFFERS = 32
 class BaslerCamera:
     """A Basler camera that is controlled with pypylon.
 
-    Without a frame rate every `grab` triggers an exposure, which then never begins before the call. With a frame
-    rate the camera exposes at this rate, and `grab` returns the frames in the order of their exposure. The frame number
-    is the camera's block identifier. The time stamp comes from the camera's clock, or from the computer's clock if the
-    camera sends no time stamp. If the transfer of a frame fails, `grab` raises InstrumentError, and the number of this
-    frame is missing in the sequence.
+    With a frame rate in the settings, the camera exposes at this rate. Otherwise each call of `grab` triggers an
+    exposure.
 
     Parameters
     ----------
     source : str or int
-        The serial number, or the index in the list of attached cameras. The first camera has the index 0.
+        The serial number, or the index in the list of attached cameras, from 0.
     settings : CameraSettings, optional
         The settings that are applied before the first frame.
     """

@@ -21,7 +21,7 @@ CAMERAS: Drivers[CameraDriver] = Drivers(
 
 
 def open_camera(driver: str, source: str | int, settings: CameraSettings = NO_SETTINGS) -> Camera:
-    """Open a camera, apply the settings, and compare them with the values that are read back.
+    """Open a camera, apply the settings, and compare the settings with the values that are read back.
 
     Parameters
     ----------
@@ -29,8 +29,7 @@ def open_camera(driver: str, source: str | int, settings: CameraSettings = NO_SE
         A name in `CAMERAS`.
     source : str or int
         The camera. For "opencv": a device index, a video file, a folder of images, or a pattern such as ``f_%03d.png``.
-        For "basler" and "gentl": a serial number. For "aravis": a serial number or an IP address. Other drivers define
-        the meaning of `source` themselves.
+        For "basler" and "gentl": a serial number. For "aravis": a serial number or an IP address.
     settings : CameraSettings
         The settings that are applied before the first frame.
 
@@ -42,7 +41,7 @@ def open_camera(driver: str, source: str | int, settings: CameraSettings = NO_SE
     Raises
     ------
     UnusableDriver
-        No driver has this name, or the driver lacks a member.
+        No driver has this name, or the driver lacks a method or an attribute.
     InstrumentError
         The camera does not have a requested setting.
     InstrumentDisconnected
@@ -55,8 +54,6 @@ def open_camera(driver: str, source: str | int, settings: CameraSettings = NO_SE
 
 def open_with(driver: CameraDriver, name: str, source: str | int, settings: CameraSettings = NO_SETTINGS) -> Camera:
     """Open a camera with a driver that is given as an object, and return the camera.
-
-    The driver need not be in `CAMERAS`.
 
     Parameters
     ----------
@@ -72,7 +69,7 @@ def open_with(driver: CameraDriver, name: str, source: str | int, settings: Came
     Raises
     ------
     UnusableDriver
-        The driver or the camera lacks a member.
+        The driver or the camera lacks a method or an attribute.
     InstrumentError
         The camera cannot be opened, or does not have a requested setting.
     SetPointNotTaken

@@ -1,4 +1,4 @@
-"""Check that a frame of a camera is an image with the size, bit depth and colours of the first frame."""
+"""Check that a camera image has the size, bit depth and colours of the first image."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from eimi_drivers.interfaces import Frame, ReplyNotUnderstood
 
 
 def check_frame(camera: str, frame: Any, first: Frame | None) -> Frame:
-    """Return `frame` unchanged if its image has the size, bit depth and colours of the first image.
+    """Return `frame` if its image has the size, bit depth and colours of the first image.
 
     Parameters
     ----------
@@ -24,7 +24,7 @@ def check_frame(camera: str, frame: Any, first: Frame | None) -> Frame:
     Raises
     ------
     ReplyNotUnderstood
-        The image is not an array of a permitted shape and type, or has another shape or type than the first image.
+        The image has a wrong shape or type.
     """
     image = getattr(frame, "image", None)
     if not isinstance(image, np.ndarray) or not image.size:

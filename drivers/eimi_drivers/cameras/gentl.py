@@ -1,6 +1,6 @@
 """Read the frames of cameras through a GenTL producer, a library of the camera's maker.
 
-This module uses the package harvesters and needs the extra `gentl` of the package.
+This module uses the package harvesters.
 """
 
 from __future__ import annotations
@@ -41,20 +41,19 @@ _IMAGE = 1
 
 
 def producer_files() -> tuple[Path, ...]:
-    """Return the files of the GenTL producers (``*.cti``) in the folders that ``GENICAM_GENTL64_PATH`` lists."""
+    """Return the files (``*.cti``) of the GenTL producers, the camera makers' libraries.
+
+    The environment variable ``GENICAM_GENTL64_PATH`` lists the folders.
+    """
     folders = os.environ.get(PRODUCERS, "").split(os.pathsep)
     return tuple(file for folder in folders if folder for file in sorted(Path(folder).glob("*.cti")))
 
 
 class GenTLCamera:
-    """A camera that is controlled through a GenTL producer.
+    """A camera that is controlled through a GenTL producer, a library of the camera's maker.
 
-    There are two ways to expose. If the camera has a software trigger, and neither a frame rate nor a trigger input is
-    set, every `grab` triggers an exposure. Otherwise the camera exposes at its frame rate or at the signals on its
-    trigger input, and `grab` returns the frames in the order of their exposure.
-
-    The package harvesters discards incomplete frames, so that their numbers are missing. `lost_frames` counts the
-    missing numbers.
+    With a frame rate in the settings, the camera exposes at this rate. With a trigger input, the camera exposes at each
+    signal on this input. Otherwise each call of `grab` triggers an exposure, if the camera has a software trigger.
 
     Parameters
     ----------
@@ -68,7 +67,7 @@ class GenTLCamera:
     settings : CameraSettings
         The settings that were read back from the camera.
     lost_frames : Counter
-        The number of frames that did not arrive completely, by reason. Frames that `flush` discards do not count.
+        The number of frames that did not arrive completely, by reason.
     """
 
     name = "gentl"
@@ -79,7 +78,7 @@ class GenTLCamera:
         Raises
         ------
         InstrumentDisconnected
-            No camera that the producers list has this serial number or identifier.
+            No camera has this serial number or identifier.
         SetPointRefused
             The camera does not permit the value of a setting.
         SetPointNotTaken
@@ -152,10 +151,7 @@ class GenTLCamera:
         raise InstrumentDisconnected(f"no camera has this serial number; attached cameras: {listed}")
 
     def _node(self, *names: str) -> Any:
-        """Return the first GenICam feature in `names` that the camera has and that can be read; None if there is none.
-
-        Cameras of different makers have different names for the same feature.
-        """
+        """Return the first GenICam feature in `names` that can be read from the camera; None if there is none."""
         for name in names:
             if self._nodes.has_node(name) and self._api.is_readable(node := self._nodes.get_node(name)):
                 return node
@@ -164,21 +160,7 @@ class GenTLCamera:
     def _set(self, key: str, value: object, number: object, *names: str) -> None:
         """Write a number to the first GenICam feature in `names` that the camera has.
 
-        Parameters
-        ----------
-        key : str
-            The key of the setting in the rig file, for messages.
-        value : object
-            The value of the setting in the rig file, for messages.
-        number : object
-            The value that is written to the feature.
-        *names : str
-            The names that different cameras have for the feature.
-
-        Raises
-        ------
-        SetPointRefused
-            The camera has none of the features, or does not permit the value.
+        `key` and `value` are the name and the value of the setting in the message.
         """
         node = self._node(*names)
         if node is None:
@@ -263,7 +245,7 @@ class GenTLCamera:
         )
 
     def identify(self) -> Identity:
-        """Return the maker, model and serial number that the producer reported when the camera was opened."""
+        """Return the maker, model and serial number of the camera."""
         return self._identity
 
     def flush(self) -> None:
@@ -283,7 +265,7 @@ class GenTLCamera:
         InstrumentDisconnected
             The camera was closed.
         ReplyNotUnderstood
-            The frame has another size than the region, or a pixel format that cannot be decoded.
+            The size of the frame is wrong, or the pixel format cannot be decoded.
         """
         if self._closed:
             raise InstrumentDisconnected(f"{self._label}: the camera was closed; open the camera again")
@@ -309,7 +291,7 @@ class GenTLCamera:
         )
 
     def _fetched(self, timeout_s: float) -> Any:
-        """Return the buffer of the next complete frame; None if no complete frame arrives within `timeout_s` (s)."""
+        """Return the next complete frame as a buffer; None if no complete frame arrives within `timeout_s` (s)."""
         try:
             return self._acquirer.fetch(timeout=max(timeout_s, SHORTEST_S), is_raw=True)
         except self._timeout:

@@ -30,7 +30,7 @@ def natural_key(name: str) -> tuple[tuple[int, str], ...]:
 
 
 def list_images(source: str | Path) -> tuple[Path, ...]:
-    """Return the image files in a folder, or the files that a pattern describes, sorted by the numbers in their names.
+    """Return the image files in a folder or of a pattern, sorted by the numbers in their names.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def list_images(source: str | Path) -> tuple[Path, ...]:
     Returns
     -------
     tuple of Path
-        The files; empty if the folder contains no image or no file matches the pattern.
+        The image files, possibly none.
     """
     source = Path(source)
     if source.is_dir():
@@ -54,10 +54,9 @@ def list_images(source: str | Path) -> tuple[Path, ...]:
 
 
 def recording_length(source: str) -> int | None:
-    """Return the number of frames of a recording, or None if `source` is not a recording that can be opened.
+    """Return the number of frames of a recording; None if `source` is not a recording that can be opened.
 
-    A recording is a folder of images, a pattern such as ``f_%03d.png``, or a video file. For a video, the number comes
-    from the header of the file. The index of a camera device, such as "0", is not a recording.
+    A recording is a folder of images, a pattern such as ``f_%03d.png``, or a video file.
     """
     if source.isdecimal():
         return None
@@ -73,7 +72,7 @@ def recording_length(source: str) -> int | None:
 
 
 def refuse_on_recording(recording: str, settings: CameraSettings) -> None:
-    """Raise InstrumentError if any setting is requested, because a recording has no settings.
+    """Raise InstrumentError if a setting is requested, because a recording has no settings.
 
     `recording` is the name of the recording in the message.
     """
@@ -82,7 +81,7 @@ def refuse_on_recording(recording: str, settings: CameraSettings) -> None:
 
 
 class ImageSeries:
-    """A series of image files that are read one after the other, without a change of grey values or bit depth.
+    """A series of image files that are read one after the other.
 
     `paths` are the files in the order of the frames.
     """
@@ -103,7 +102,7 @@ class ImageSeries:
         return NO_SETTINGS
 
     def read(self) -> tuple[NDArray[Any], float]:
-        """Return the next image, and its index in the series in place of a time stamp.
+        """Return the next image, and its index in the series.
 
         Raises
         ------

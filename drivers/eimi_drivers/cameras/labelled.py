@@ -10,10 +10,7 @@ from eimi_drivers.interfaces import InstrumentError
 
 @contextmanager
 def labelled(label: str) -> Iterator[None]:
-    """Put `label` and a colon before the message of an InstrumentError that is raised in the `with` block.
-
-    A message that already begins with `label` is not changed.
-    """
+    """Put `label` and a colon before the message of an InstrumentError that is raised in the `with` block."""
     try:
         yield
     except InstrumentError as error:

@@ -54,7 +54,7 @@ class _Source(Protocol):
 
 
 class _Capture:
-    """A camera device, given by its index, or a video file that OpenCV reads."""
+    """A camera device or a video file that OpenCV reads."""
 
     def __init__(self, source: str | int) -> None:
         self._is_device = isinstance(source, int)
@@ -67,11 +67,7 @@ class _Capture:
             raise InstrumentDisconnected(f"{self._name}: cannot be opened")
 
     def set_up(self, settings: CameraSettings) -> CameraSettings:
-        """Apply the settings to a camera device, and return the settings that are read back.
-
-        For a video file the result is `NO_SETTINGS`. Raises SetPointRefused if a value is not permitted, and
-        InstrumentError if the source does not have a requested setting.
-        """
+        """Apply the settings to the camera device, and return the settings that are read back."""
         if not self._is_device:
             refuse_on_recording(str(self._name), settings)
             return NO_SETTINGS
@@ -134,10 +130,7 @@ class _Capture:
         return image, self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1000.0
 
     def _stamp(self) -> float:
-        """Return the time at which the Linux kernel received the frame that was read last, s; 0 if it reports no time.
-
-        The time is on the clock of `time.monotonic`.
-        """
+        """Return the time at which the Linux kernel received the last frame, s; 0 if the time is unknown."""
         if self._capture.getBackendName() != V4L2:
             return 0.0
         return max(self._capture.get(cv2.CAP_PROP_POS_MSEC), 0.0) / 1000.0
@@ -147,28 +140,18 @@ class _Capture:
 
 
 class OpenCVCamera:
-    """A camera that reads a device, a video file or a series of images with OpenCV.
+    """A camera device, a video file or a series of images that OpenCV reads.
 
-    A separate thread reads the frames, because OpenCV's `read` has no timeout.
-
-    If the source is a device, the thread reads frames all the time. Without a frame rate in the settings, only the
-    newest frame is stored, so that `grab` never returns an old frame. With a frame rate, the newest `BUFFERS` frames
-    are stored, and `grab` returns them in the order of their exposure. In both cases `Frame.number` also counts the
-    frames that were discarded. `flush` discards the frames with a time stamp before the call, and a frame that is being
-    read during the call.
-
-    If the source is a recording (video file or images), `grab` returns every frame in order, and `flush` has no effect.
-
-    The time stamp of a device's frame comes from the computer's monotonic clock; on Linux it is the time stamp of the
-    kernel. The time stamp of a video frame comes from the file. The time stamp of an image is its index in the series.
+    Without a frame rate in the settings, `grab` returns the newest frame of a device. With a frame rate, `grab` returns
+    the frames of a device in the order of their exposure. From a recording (video file or images), `grab` returns every
+    frame in order.
 
     Parameters
     ----------
     source : str or int
         A device index (`0` or `"0"`), a video file, a folder of images, or a pattern such as `f_%03d.png`.
     settings : CameraSettings, optional
-        The settings that are applied before the first frame. `region` is cut out of every image, also for a recording.
-        The other settings are applied to the device. The attribute `settings` contains the values read back.
+        The requested settings. A recording permits only `region`, the part that is cut out of every image.
     """
 
     name = "opencv"
@@ -230,7 +213,7 @@ class OpenCVCamera:
         return read_back
 
     def identify(self) -> Identity:
-        """Return an identity that contains the kind of source and the version of OpenCV."""
+        """Return the kind of source and the version of OpenCV."""
         text = f"{type(self._input).__name__.strip('_')} of OpenCV {cv2.__version__}"
         return Identity(driver=self.name, text=text, address=self.source)
 
@@ -271,11 +254,7 @@ class OpenCVCamera:
             raise InstrumentTimeout(f"{self.source}: no frame within {timeout_s:g} s; check the cable of the camera")
 
     def close(self) -> None:
-        """Release the device. Closing twice is allowed.
-
-        The method waits for at most `CLOSE_WITHIN_S` (s). If OpenCV is still reading a frame after this time, the
-        device is released when this read ends.
-        """
+        """Release the device. Closing twice is allowed."""
         with self._changed:
             self._closing = True
             self._changed.notify_all()

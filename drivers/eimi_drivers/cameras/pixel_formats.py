@@ -1,7 +1,7 @@
 """Decode the pixel formats of GenICam cameras: grey values, packed grey values, and Bayer mosaics.
 
-The names and codes of the formats come from the Pixel Format Naming Convention (EMVA, PFNC 2.1). Formats whose names
-end in "Packed" come from GigE Vision 1.2.
+Sources of the names and codes: Pixel Format Naming Convention (EMVA, PFNC 2.1), and GigE Vision 1.2 for the names
+that end in "Packed".
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _DEMOSAIC = {
 
 @dataclass(frozen=True)
 class PixelFormat:
-    """A pixel format: the kind of pixels, and the place of their values in the data of a frame.
+    """A pixel format, which defines how a camera stores the pixel values of a frame.
 
     Parameters
     ----------
@@ -38,9 +38,8 @@ class PixelFormat:
     bits : int
         The number of bits of one value.
     packing : str
-        How the values are stored. "": each value takes whole bytes, little-endian. "p": the values follow each other
-        without unused bits, least significant bit first. "Packed": two values share three bytes, as GigE Vision defines
-        it.
+        How the values are stored. "": in whole bytes, little-endian. "p": without unused bits, least significant bit
+        first. "Packed": two values in three bytes.
     """
 
     kind: str
@@ -98,7 +97,7 @@ GREY_BY_DEPTH = {
 
 
 def depth_of(name: str) -> int | None:
-    """Return the number of bits of one value in the format `name`; None if `PIXEL_FORMATS` lacks the format."""
+    """Return the number of bits of one value in the pixel format `name`; None for an unknown format."""
     return next((pixel_format.bits for pixel_format in PIXEL_FORMATS.values() if pixel_format.name == name), None)
 
 
@@ -110,7 +109,7 @@ def choose_format(pixel_format: str | None, bit_depth: int | None, present: str,
     pixel_format : str, optional
         The requested format.
     bit_depth : int, optional
-        The requested number of bits of a grey value, which selects a grey format if `pixel_format` is None.
+        The requested number of bits of a grey value.
     present : str
         The present format of the camera, which is returned if nothing is requested.
     offered : iterable of str
@@ -119,7 +118,7 @@ def choose_format(pixel_format: str | None, bit_depth: int | None, present: str,
     Raises
     ------
     SetPointRefused
-        The camera does not have the requested format, or `decode` does not support it.
+        The requested format is not available or cannot be decoded.
     """
     if pixel_format is not None:
         wanted: tuple[str, ...] = (pixel_format,)
@@ -150,8 +149,7 @@ def decode(code: int, data: bytes | memoryview, width: int, height: int) -> NDAr
     Returns
     -------
     ndarray, shape (height, width) or (height, width, 3), uint8 or uint16
-        Grey values from 0 to 2^b - 1, where b is the number of bits of the format, or colours in the order blue, green,
-        red.
+        Grey values, or colours in the order blue, green, red.
 
     Raises
     ------
@@ -178,7 +176,7 @@ def decode(code: int, data: bytes | memoryview, width: int, height: int) -> NDAr
 
 
 def _unpack(pixel_format: PixelFormat, data: NDArray[np.uint8], count: int) -> NDArray[Any] | None:
-    """Return the first `count` pixel values in the data as a new array, shape (count,); None if data are too few."""
+    """Return the first `count` pixel values in the data, shape (count,); None if the data contain fewer values."""
     if pixel_format.packing == "":
         values = data.view(np.uint8) if pixel_format.bits == 8 else data[: len(data) // 2 * 2].view("<u2")
         return values[:count].astype(values.dtype.newbyteorder("=")) if len(values) >= count else None

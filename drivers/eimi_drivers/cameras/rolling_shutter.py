@@ -1,4 +1,4 @@
-"""Compute the time between neighbouring rows of a rolling shutter from values that the camera reports."""
+"""Compute the time between the exposures of neighbouring rows of a rolling shutter."""
 
 from __future__ import annotations
 
@@ -10,24 +10,23 @@ READOUT_FEATURE = "SensorReadoutTime"
 
 
 def row_time_s(shutter: str, readout_us: float | None, rows: int) -> float | None:
-    """Return the time between the exposures of neighbouring rows, s.
+    """Return the time between the exposures of neighbouring rows, s; 0 for a global shutter, None if unknown.
 
-    For a rolling shutter this time is the readout time of all rows divided by the number of rows (Basler ace USB 3.0,
-    User's Manual AW00123409, pages 145 and 147).
+    Source: Basler ace USB 3.0, User's Manual AW00123409, pages 145 and 147.
 
     Parameters
     ----------
     shutter : str
-        The kind of shutter that the camera reports: "Global", "Rolling" or another text.
+        The kind of shutter, such as "Global" or "Rolling".
     readout_us : float or None
-        The readout time of all rows, µs; None if the camera does not report this time.
+        The readout time of all rows, µs.
     rows : int
         The number of rows of the image.
 
     Returns
     -------
     float or None
-        The time, s; 0 for a global shutter. None if the shutter is of another kind or the readout time is unknown.
+        The time, s.
     """
     if shutter == "Global":
         return 0.0

@@ -23,9 +23,9 @@ During the flush one frame is being transferred and one frame is being exposed. 
 
 @dataclass(frozen=True)
 class CameraSettings:
-    """The settings of a camera, either requested settings or settings that were read back.
+    """The settings of a camera, either requested or read back.
 
-    None means that a requested setting is not changed, or that a setting was not read back.
+    None means that a setting is not requested, or that a setting was not read back.
 
     Parameters
     ----------
@@ -40,16 +40,14 @@ class CameraSettings:
     bit_depth : int, optional
         Number of bits of a grey value.
     frame_rate_Hz : float, optional
-        Number of exposures per second. With a frame rate the camera exposes at this rate, and `grab` returns the frames
-        one after the other. If it is None, the driver determines the times of the exposures.
+        Number of exposures per second.
     pixel_format : str, optional
         Name of the pixel format in GenICam, such as "Mono8", "Mono12Packed" or "BayerRG8".
     trigger : str, optional
-        "software", or the name of the camera's input that triggers an exposure, such as "Line1". None means "software",
-        unless a frame rate is set.
+        "software", or the name of the camera's input that triggers an exposure, such as "Line1".
     row_time_s : float, optional
         Time between the exposures of two neighbouring rows of a rolling shutter, s; 0 for a global shutter. This value
-        is read from the camera and cannot be set. None if the camera does not report the value.
+        cannot be set.
     """
 
     exposure_s: float | None = None
@@ -67,7 +65,7 @@ class CameraSettings:
         return {name: value for name, value in asdict(self).items() if value is not None}
 
     def verify(self, camera: str, answered: CameraSettings) -> None:
-        """Compare these requested settings with the settings that were read back from a camera.
+        """Raise an error if the settings that were read back from a camera differ from these requested settings.
 
         Parameters
         ----------
@@ -99,10 +97,12 @@ NO_SETTINGS = CameraSettings()
 
 
 def settings_of(camera: object) -> CameraSettings:
-    """Return the attribute `settings` of a camera, which contains the values read back when the camera was opened.
+    """Return the settings that were read back when the camera was opened; `NO_SETTINGS` if the camera stores none.
 
-    The result is `NO_SETTINGS` if the camera has no such attribute. Raises UnusableDriver if the attribute is not a
-    `CameraSettings`.
+    Raises
+    ------
+    UnusableDriver
+        The attribute `settings` of the camera is not a `CameraSettings`.
     """
     settings = getattr(camera, "settings", NO_SETTINGS)
     if not isinstance(settings, CameraSettings):

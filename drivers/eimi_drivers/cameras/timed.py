@@ -1,4 +1,4 @@
-"""Set a time limit for every call of a camera, in case the timeouts of its driver do not work."""
+"""Set a time limit for every call of a camera."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _callers: list[threading.Thread] = []
 
 
 def calls_under_way() -> bool:
-    """Return whether a call of any camera still runs in its thread, after waiting at most 0.1 s for each thread."""
+    """Return whether a call of any camera still runs in its thread."""
     for caller in _callers:
         caller.join(LOOK_EVERY_S)
     return any(caller.is_alive() for caller in _callers)
@@ -37,8 +37,7 @@ def calls_under_way() -> bool:
 class TimedCamera:
     """A camera whose calls are made in a separate thread and have a time limit.
 
-    If a call does not return within its time limit, InstrumentTimeout is raised. Every later call then raises
-    InstrumentTimeout at once. The separate thread continues, and the process can end while this thread still runs.
+    A call that exceeds its time limit raises InstrumentTimeout, and so does every later call.
     """
 
     def __init__(
@@ -55,15 +54,11 @@ class TimedCamera:
         name : str
             The name of the camera in messages.
         open_it : callable
-            A function that opens and returns the camera. Errors of this function are raised unchanged.
+            A function that opens and returns the camera.
         seconds : callable
-            A function that returns the time (s) with which the time limits are measured. For a real camera it is
-            `time.monotonic`. For a simulated camera it is `time.process_time`, so that the load of the computer causes
-            no timeout.
+            A function that returns the time (s) with which the time limits are measured.
         meanwhile : callable, optional
-            A function that is called repeatedly while a call of the camera runs. If it raises an error, the caller gets
-            the error at once. The call of the camera then continues in its thread, and the next call first waits until
-            it has ended.
+            A function that is called repeatedly while a call of the camera runs. An error that it raises ends the wait.
 
         Raises
         ------
@@ -94,16 +89,16 @@ class TimedCamera:
         self._within(ANSWER_WITHIN_S, "flush", self._camera.flush)
 
     def grab(self, timeout_s: float) -> Frame:
-        """Return the next frame. The driver may take `timeout_s` (s), and the whole call `GRACE_S` longer."""
+        """Return the next frame, for which the driver may wait `timeout_s` (s)."""
         return self._within(timeout_s + GRACE_S, "grab", lambda: self._camera.grab(timeout_s))
 
     @property
     def lost_frames(self) -> Mapping[str, int]:
-        """The number of lost frames for each reason (the key); empty if the driver does not count lost frames."""
+        """The number of lost frames, by reason; empty if the driver does not count lost frames."""
         return dict(getattr(self._camera, "lost_frames", {}))
 
     def close(self) -> None:
-        """Release the camera. After a call that exceeded its time limit, the camera is not called any more."""
+        """Release the camera."""
         try:
             if not self._lost:
                 self._within(ANSWER_WITHIN_S, "close", self._camera.close)
