@@ -1,10 +1,9 @@
 """Emulated supplies with a coil, emulated sensors and an emulated camera.
 
-An emulated supply consists of a model of the supply with its coil and of a dialect, which answers the messages of one
-family of supplies.
+A dialect answers the messages of one family of supplies.
 
 supply             the model: set-points, output, protection, and a coil with a time constant
-trip_level         a protection with a limit (V or A) and a switch
+trip_level         a protection with a trip level (V or A) and a switch
 korad              the language of Korad supplies
 genesys            the language of TDK-Lambda Genesys supplies
 aim_tti            the language of Aim-TTi supplies

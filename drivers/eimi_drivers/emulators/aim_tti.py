@@ -16,7 +16,7 @@ LOCKED_OUT = 200
 
 @dataclass(frozen=True)
 class Model:
-    """The properties in which one emulated model of an Aim-TTi supply differs from the others.
+    """One model of an Aim-TTi supply.
 
     Parameters
     ----------
@@ -63,9 +63,6 @@ MODELS = {model.name: model for model in (CPX400DP, QPX1200SP, MX100TP, QL355TP)
 class AimTtiDialect:
     """Emulated Aim-TTi supply, of which one output feeds the coil.
 
-    A query for one of the registers ``*ESR?``, ``EER?`` and ``LSR1?`` clears the register. If a person uses the front
-    panel (`CoilSupply.locked`), or if another interface holds the lock, the supply refuses commands with error 200.
-
     Parameters
     ----------
     supply : CoilSupply
@@ -73,13 +70,12 @@ class AimTtiDialect:
     channel : int
         The number of the output that feeds the coil.
     model : Model
-        The model of Aim-TTi supply that is emulated.
+        The type of Aim-TTi supply that is emulated.
 
     Attributes
     ----------
     lock : int
-        The holder of the lock, which gives exclusive control of the supply: 1 for this interface, 0 for no interface,
-        -1 for another interface.
+        The holder of the exclusive control: 1 for this interface, 0 for no interface, -1 for another interface.
     """
 
     identification = "THURLBY THANDAR, CPX400DP, EMULATED, 1.00 - 1.00"
@@ -226,10 +222,7 @@ class AimTtiDialect:
                 self._events |= COMMAND_ERROR
 
     def _refuse_unless(self, accepted: bool) -> None:
-        """Store an error if `accepted` is false, which means that the supply did not accept a command.
-
-        The error is `LOCKED_OUT` if a person uses the front panel, and otherwise the error for a value out of range.
-        """
+        """Store an error if the supply did not accept a command."""
         if not accepted:
             self._refuse(LOCKED_OUT if self.supply.locked else self.model.out_of_range)
 
@@ -238,12 +231,7 @@ class AimTtiDialect:
         self._error = number
 
     def _note_limits(self) -> None:
-        """Update the supply's limit event status register, from which a program reads limits and trips.
-
-        One bit says that the voltage limits the output, and another bit that the current does. Two further bits say
-        that the over-voltage or the over-current protection has tripped (switched the output off). Such a bit is set
-        only at the first call after the trip.
-        """
+        """Update the register from which a program reads limits and trips (the limit event status register)."""
         supply = self.supply
         if supply.output_on():
             self._limits |= CONSTANT_VOLTAGE if supply.constant_voltage() else CONSTANT_CURRENT

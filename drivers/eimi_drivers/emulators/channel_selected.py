@@ -1,7 +1,6 @@
-"""Emulate families of SCPI supplies that have several outputs (channels), of which a message selects one.
+"""Emulate SCPI supplies that have several outputs (channels), of which a message selects one.
 
-The coil is connected to one channel. A message for another channel causes an error. The messages in this module were
-written independently of the messages in the drivers, so that tests find a wrong message in a driver.
+The messages were written independently of the drivers, so that tests find a wrong message in a driver.
 """
 
 from __future__ import annotations
@@ -25,14 +24,12 @@ from eimi_drivers.emulators.trip_level import TripLevel
 class _ChannelSelected(ScpiDialect):
     """Emulated SCPI supply with several channels (outputs), whose messages apply to the channel that was selected last.
 
-    After power-up a channel without a coil is selected. The keys and values of the attributes are texts.
-
     Attributes
     ----------
     names : dict
-        The name of each channel in the message INSTrument:SELect, by the number of the channel.
+        The number of a channel, and its name in the message INSTrument:SELect.
     aliases : dict
-        The number of a channel, by another name that the supply accepts for it.
+        Another name of a channel, and the number of the channel.
     """
 
     names: ClassVar[dict[str, str]]
@@ -70,9 +67,9 @@ class _ChannelSelected(ScpiDialect):
         return header, argument
 
     def _apply(self, voltage: str, current: str) -> bool:
-        """Set the voltage (V) and the current (A) of the command APPLy, and return whether both were accepted.
+        """Set the voltage (V) and the current (A), and return whether the supply accepted both.
 
-        An empty text leaves a set-point unchanged.
+        An empty text leaves a value unchanged.
         """
         self._on_the_coil(self._selected)
         return (not voltage or self.supply.set_voltage(number(voltage))) and (
@@ -80,10 +77,7 @@ class _ChannelSelected(ScpiDialect):
         )
 
     def _apply_to(self, argument: str) -> bool:
-        """Obey the command APPLy: select the channel in the argument and set its voltage (V) and current (A).
-
-        Return whether the supply accepted the command.
-        """
+        """Obey the command APPLy, and return whether the supply accepted the command."""
         channel, voltage, current = [*(part.strip() for part in argument.split(",")), "", ""][:3]
         return self._select(self._channel_named(channel)) and (not voltage or self._apply(voltage, current))
 
@@ -91,9 +85,8 @@ class _ChannelSelected(ScpiDialect):
 class RigolDp800Dialect(_ChannelSelected):
     """Emulated Rigol DP800, in which a message can also contain the channel (``:SOURce1:``, ``CH1``).
 
-    Over-voltage and over-current protection are off after power-up. Both protections can also be set with
-    ``VOLTage:PROTection`` and ``CURRent:PROTection``. Source: Rigol, DP800 Programming Guide: APPLy page 2-6, OUTPut
-    page 2-35 (first edition), over-current protection pages 2-56 and 2-57 (edition for the DP832A).
+    Source: Rigol, DP800 Programming Guide: APPLy page 2-6, OUTPut page 2-35 (first edition), over-current protection
+    pages 2-56 and 2-57 (edition for the DP832A).
     """
 
     identification = "RIGOL TECHNOLOGIES,DP832,EMULATED,00.01.16"
@@ -145,9 +138,9 @@ class RigolDp800Dialect(_ChannelSelected):
 class KeysightE3631ADialect(_ChannelSelected):
     """Emulated E3631A with the outputs 1 (+6 V), 2 (+25 V) and 3 (-25 V), which are switched on and off together.
 
-    While tracking is on, the voltage of output 3 is always the negative voltage of output 2: setting one of the two
-    voltages also sets the other. The ranges of the real outputs are not emulated. Source: Agilent E3631A User's Guide
-    (E3631-90002, October 2007): APPLy page 73, selection page 74, measurements page 76, outputs and tracking page 77.
+    While tracking is on, the voltage of output 3 is the negative voltage of output 2. The ranges are not emulated.
+    Source: Agilent E3631A User's Guide (E3631-90002, October 2007): APPLy page 73, selection page 74, measurements
+    page 76, outputs and tracking page 77.
     """
 
     identification = "HEWLETT-PACKARD,E3631A,0,2.1-5.0-1.0"

@@ -1,8 +1,6 @@
-"""Send the true current of an emulated coil to a virtual beam in another process.
+"""Send the true current of an emulated coil to a program that simulates the beam.
 
-The program that simulates the beam needs the true current. It cannot ask the emulated supply, because the supply has
-only one user at a time and answers with the values of its meters. Therefore a separate connection is served: the answer
-to every received newline is the true current in amperes and a newline.
+The answer to every received newline is the current in amperes and a newline.
 """
 
 from __future__ import annotations
@@ -39,7 +37,7 @@ def serve_coil(coil: CoilSupply, port: int = 0) -> AbstractContextManager[str]:
 
 
 class RemoteCoil:
-    """Connection to an emulated coil in another process; it returns the true current of the coil.
+    """Connection to an emulated coil in another process, from which the true current is read.
 
     Parameters
     ----------
@@ -51,9 +49,9 @@ class RemoteCoil:
     InstrumentError
         The address has another form.
     InstrumentDisconnected
-        No program accepts the connection, or it ends the connection.
+        No program accepts the connection.
     InstrumentTimeout
-        The program at the address does not answer within `ANSWER_WITHIN_S` (s).
+        No answer arrived within `ANSWER_WITHIN_S` (s).
     ReplyNotUnderstood
         The first answer is not a current.
     """

@@ -1,8 +1,6 @@
 """Emulate Delta Elektronika's SM15K, and an SM supply with a PSC-ETH card.
 
-The messages in this module were written independently of the messages in the drivers, so that tests find a wrong
-message in a driver. Each word of a message can be shortened to three or more letters: ``SOU:VOL`` is
-``SOURCE:VOLTAGE``.
+The messages were written independently of the drivers, so that tests find a wrong message in a driver.
 """
 
 from __future__ import annotations
@@ -22,11 +20,10 @@ SOURCES = {"REMOTE": "Ethernet", "ETHERNET": "Ethernet", "FRONT": "Front", "LOCA
 
 
 class DeltaPscEthDialect(ScpiDialect):
-    """Emulated SM supply with a PSC-ETH card, whose set-points come from the front panel after power-up.
+    """Emulated Delta Elektronika SM supply with the network card PSC-ETH.
 
-    The supply stores every set-point that it receives, but applies it to the output only after a message has selected
-    Ethernet as the source of the set-points. Every message restarts the watchdog, a timer that switches the output off.
-    The emulator checks the watchdog only when a message arrives. Between messages, a caller can check it with `watch`.
+    The supply applies a set-point to the output after a message has selected Ethernet as the source of the set-points.
+    Every message restarts the watchdog, a timer that switches the output off.
     """
 
     identification = "DELTA ELEKTRONIKA BV,SM70-22,EMULATED,P0102"
@@ -104,9 +101,9 @@ class DeltaPscEthDialect(ScpiDialect):
         return self._take(quantity, self._set_points[quantity])
 
     def _take(self, quantity: str, value: float) -> bool:
-        """Store a set-point, and apply it to the output if Ethernet is the source of the set-points.
+        """Store a set-point, and return whether the supply accepted the value.
 
-        `quantity` is "CV" for the voltage (V) or "CC" for the current (A). Returns whether the value was accepted.
+        `quantity` is "CV" for the voltage (V) or "CC" for the current (A).
         """
         limit, on = self._limits[quantity]
         highest = {"CV": self.supply.max_voltage_V, "CC": self.supply.max_current_A}[quantity]
@@ -131,7 +128,7 @@ class DeltaPscEthDialect(ScpiDialect):
 
 
 class DeltaSm15kDialect(DeltaPscEthDialect):
-    """Emulated SM15K, whose set-points can be limited. Otherwise it answers like an SM supply with a PSC-ETH card."""
+    """Emulated Delta Elektronika SM15K, whose set-points can be limited."""
 
     identification = "DELTA ELEKTRONIKA B.V.,SM70-CP-450,EMULATED,P0110"
     remote = "Ethernet"

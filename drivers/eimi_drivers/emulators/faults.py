@@ -14,18 +14,14 @@ SHORTED_A, DRIFTS_TO_A, OFFSET_A, HUNTING_A = 0.8, 2.4, 0.015, 0.2
 
 
 class Fault(Enum):
-    """A fault of an emulated instrument, with its effect and with the behaviour of a correct program.
-
-    The faults in the first group, SILENCE to SWAP, are faults of the line, the connection to the instrument.
-    `FaultyInstrument` causes these faults. The other faults are faults of the supply or of its coil, which
-    `eimi_drivers.emulators.spoiling` causes.
+    """A fault of an emulated instrument, of the line (the connection) to the instrument, or of an emulated coil.
 
     Attributes
     ----------
     effect : str
-        A description of the fault.
+        What the fault does.
     correct : str
-        A description of the behaviour of a correct program.
+        What a correct program does when the fault occurs.
     """
 
     SILENCE = (
@@ -116,26 +112,23 @@ LINE_FAULTS = frozenset(list(Fault)[: list(Fault).index(Fault.SHORTED)]) - {Faul
 
 
 class FaultyInstrument:
-    """An emulated instrument whose line, the connection to the driver, can have faults.
-
-    Without a fault, messages are passed to the instrument unchanged. A fault that is injected begins with the next
-    message.
+    """An emulated instrument whose line (connection to the driver) can have faults.
 
     Parameters
     ----------
     instrument : Responder
         The emulated instrument.
     clock : Clock, optional
-        The clock of the instrument; the default is the wall clock.
+        The clock of the instrument; by default the wall clock.
     late_s : float
         The delay of an answer with the fault SLOW, s.
 
     Attributes
     ----------
     instrument : Responder
-        The instrument that answers at present. The method `swap` replaces this instrument.
+        The instrument that answers at present.
     lost : bool
-        True after the line was cut permanently, until `reconnect` is called.
+        True if the line is cut until `reconnect` is called.
     """
 
     garbage = b"\xfe\x81?\x9c\n#\r"
@@ -151,15 +144,14 @@ class FaultyInstrument:
         self._silent_until_s = -float("inf")
 
     def inject(self, fault: Fault | None, concerns: Callable[[bytes], bool] = bool) -> None:
-        """Begin or end a fault of the line (the connection to the instrument).
+        """Begin a fault of the line (the connection to the instrument), or end the present fault.
 
         Parameters
         ----------
         fault : Fault or None
             One of `LINE_FAULTS`; None ends the present fault.
         concerns : callable
-            Takes a message and returns whether the fault applies to this message. By default the fault applies to all
-            messages.
+            Takes a message and returns whether the fault applies to this message; by default to all messages.
 
         Raises
         ------
@@ -178,10 +170,7 @@ class FaultyInstrument:
         self._silent_until_s = self._clock.now() + seconds
 
     def swap(self, other: Responder, concerns: Callable[[bytes], bool] = bool) -> None:
-        """Cut the line at the next message for which `concerns` returns True.
-
-        After the line is reopened, the instrument `other` answers.
-        """
+        """Cut the line at the next message for which `concerns` returns True, and connect the instrument `other`."""
         self._fault, self._concerns, self._next = Fault.DROP, concerns, other
 
     def reconnect(self) -> None:

@@ -26,9 +26,6 @@ _FIXED = {
 class GenesysDialect:
     """Emulated TDK-Lambda Genesys, one of several supplies on a serial line.
 
-    The supply answers only after a message has selected its number on the line. In local mode it refuses commands. If
-    the front panel is in use (`CoilSupply.locked`), the answer to a command is ``OK``, but the command is not obeyed.
-
     Parameters
     ----------
     supply : CoilSupply
@@ -139,11 +136,9 @@ class GenesysDialect:
         return "OK" if accepted or supply.locked else OUT_OF_RANGE
 
     def _set(self, header: str, value: float) -> str:
-        """Store a set-point, and return ``OK`` or the number of an error.
+        """Store a set-point, and return ``OK`` or the number of an error (Genesys user manual, programming errors).
 
-        An error means that the value is out of range or in conflict with another set-point (Genesys user manual,
-        programming errors). `header` is PV (voltage, V), PC (current, A), OVP (trip level of the over-voltage
-        protection, V) or UVL (lowest permitted voltage set-point, V).
+        `header` is PV (voltage, V), PC (current, A), OVP (trip level, V) or UVL (smallest voltage set-point, V).
         """
         supply, set_V = self.supply, self.supply.state.set_voltage_V
         if header == "PV" and value > min(1.05 * supply.max_voltage_V, 0.95 * self.ovp_V):

@@ -34,7 +34,7 @@ _Fill = ctypes.CFUNCTYPE(None, c_void_p, c_void_p, c_uint32, c_uint32, c_uint32)
 
 
 class GigECamera:
-    """An emulated GigE Vision camera that `serve_gige` serves.
+    """An emulated GigE Vision camera.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ class GigECamera:
         """The error that the function `picture` raised; None without an error. All later pictures are black."""
 
     def lose_packets(self, share: float) -> None:
-        """Lose a share of the packets of all further pictures. A share of 1 loses all packets."""
+        """Lose a share (0 to 1) of the network packets of all further pictures."""
         load_aravis().set_double(self._gv_camera, "gvsp-lost-ratio", share)
 
 
@@ -67,27 +67,22 @@ def serve_gige(
 ) -> Iterator[GigECamera]:
     """Serve an emulated GigE Vision camera while the `with` block runs, and yield the camera.
 
-    The camera runs in threads of Aravis. Only one camera can be served at each address. The camera cannot send lost
-    packets again and has no heartbeat. Nothing is connected to its trigger input.
-
     Parameters
     ----------
     picture : callable
-        Returns the picture of the whole sensor at the moment of the exposure, shape (height, width). The function is
-        called in a thread of Aravis. The function should return within a second, because the camera does not answer
-        meanwhile.
+        Returns the picture of the whole sensor at the moment of the exposure, shape (height, width), within a second.
     size_px : tuple of int
         Width and height of the sensor, px.
     address : str
-        An IP address of this computer.
+        An IP address of this computer that no other emulated camera uses.
     serial_number : str
         The serial number, at most 15 characters.
     rows_step : int
-        The camera silently rounds the height of its region down to a multiple of this number.
+        The height of the region is rounded down to a multiple of this number.
     shutter : str
         The kind of shutter that the camera reports: "Global" or "Rolling".
     triggers_per_s : float
-        How often the camera checks for a software trigger, Hz. This is also the highest rate of triggered frames.
+        The highest rate of triggered frames, Hz.
 
     Yields
     ------
@@ -145,7 +140,7 @@ def serve_gige(
 
 
 def _refuse_taken(address: str) -> None:
-    """Raise InstrumentError if `CONTROL_PORT` at the address is in use. Aravis itself does not report this error."""
+    """Raise InstrumentError if `CONTROL_PORT` at the address is in use."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as line:
         try:
             line.bind((address, CONTROL_PORT))
@@ -156,8 +151,7 @@ def _refuse_taken(address: str) -> None:
 def encode(pixel_format: PixelFormat, image: NDArray[np.uint8]) -> bytes:
     """Return an 8-bit picture as the data of a frame in a pixel format.
 
-    In a format with b bits the grey values are multiplied by 2^(b - 8). The picture has grey values only, and the data
-    of a Bayer mosaic are these grey values.
+    In a format with b bits the grey values are multiplied by 2^(b - 8).
     """
     if pixel_format.bits == 8:
         return image.tobytes()

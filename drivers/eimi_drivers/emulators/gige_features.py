@@ -1,7 +1,7 @@
-"""Describe the emulated GigE Vision camera in GenICam XML, for the registers of the fake camera of Aravis.
+"""Describe the emulated GigE Vision camera in GenICam XML, for the fake camera of Aravis.
 
-The addresses of the registers come from Aravis 0.8 (arvfakecamera.h, arvgvcpprivate.h). The names of the features come
-from the GenICam Standard Features Naming Convention (SFNC 2.7).
+Sources: Aravis 0.8 (arvfakecamera.h, arvgvcpprivate.h) for the addresses of the registers, and the GenICam Standard
+Features Naming Convention (SFNC 2.7) for the names of the features.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def describe(rows_step: int = 1, shutter: str = "Global") -> str:
     Parameters
     ----------
     rows_step : int
-        The camera silently rounds the height of its region down to a multiple of this number.
+        The height of the region is rounded down to a multiple of this number.
     shutter : str
         The kind of shutter: "Global" or "Rolling".
     """
@@ -140,22 +140,10 @@ def _formula(name: str, formula: str, **variables: str) -> str:
 
 
 def _converted(name: str, address: int, to_register: str, from_register: str, smallest: int, largest: int) -> str:
-    """Return the XML of a numerical feature, whose value is computed from the integer in a register of the camera.
+    """Return the XML of a numerical feature whose value is computed from the integer in a register of the camera.
 
-    GenICam needs two formulas: one to compute the value from the integer, and one to compute the integer.
-
-    Parameters
-    ----------
-    name : str
-        The name of the feature.
-    address : int
-        The address of the register.
-    to_register : str
-        The formula for the integer in the register. In it, FROM stands for the value of the feature.
-    from_register : str
-        The formula for the value of the feature. In it, TO stands for the integer in the register.
-    smallest, largest : int
-        The bounds of the integer in the register.
+    `to_register` is the formula for the integer, computed from the value FROM. `from_register` is the formula for the
+    value, computed from the integer TO. `smallest` and `largest` are the bounds of the integer.
     """
     return (
         f'<Float Name="{name}"><pValue>{name}Converter</pValue></Float>'

@@ -1,4 +1,4 @@
-"""Serve an emulated GigE Vision camera in a separate process. The camera then does not delay other instruments."""
+"""Serve an emulated GigE Vision camera in a separate process."""
 
 from __future__ import annotations
 
@@ -36,17 +36,17 @@ class CameraProcess:
         return self._process.is_alive()
 
     def lose_packets(self, share: float) -> None:
-        """Lose a share of the packets of all further pictures. A share of 1 loses all packets."""
+        """Lose a share (0 to 1) of the network packets of all further pictures."""
         self._line.send(share)
         self._line.recv()
 
     def kill(self) -> None:
-        """End the process at once. The camera then disappears as if its cable were pulled."""
+        """End the process at once."""
         self._process.kill()
         self._process.join()
 
     def raise_failure(self) -> None:
-        """Raise InstrumentError if the process has ended. The message contains the error of the process."""
+        """Raise InstrumentError if the process has ended."""
         if self.alive:
             return
         failure = self._line.recv() if self._line.poll() else f"it ended with exit status {self._process.exitcode}"
@@ -67,12 +67,12 @@ def gige_process(
     size_px : tuple of int
         Width and height of the sensor, px.
     **camera
-        Further properties of the camera: the keyword arguments of `serve_gige`.
+        Further keyword arguments of `serve_gige`.
 
     Raises
     ------
     InstrumentError
-        The library Aravis is not installed, or the camera does not start. The message contains the error.
+        The library Aravis is not installed, or the camera does not start.
     """
     load_aravis()
     context = multiprocessing.get_context("spawn")

@@ -1,4 +1,4 @@
-"""Serve an emulated supply over HiSLIP (IVI-6.1). Only messages and their answers are supported."""
+"""Serve an emulated supply over HiSLIP (IVI-6.1, a protocol for instruments on a network)."""
 
 from __future__ import annotations
 
@@ -19,10 +19,7 @@ LARGEST_MESSAGE = 1 << 20
 
 @contextmanager
 def serve_hislip(instrument: Responder) -> Iterator[str]:
-    """Serve an emulated instrument over HiSLIP while the `with` block runs, and yield its VISA address.
-
-    If a fault cuts the line, the connection over which the message arrived is closed.
-    """
+    """Serve an emulated instrument over HiSLIP while the `with` block runs, and yield the VISA address."""
     lock = threading.Lock()
 
     class Connection(socketserver.StreamRequestHandler):

@@ -1,7 +1,6 @@
 """Emulate Keithley's supplies of the series 2200 (one channel) and 2260B.
 
-The messages in this module were written independently of the messages in the drivers, so that tests find a wrong
-message in a driver.
+The messages were written independently of the drivers, so that tests find a wrong message in a driver.
 """
 
 from __future__ import annotations
@@ -16,11 +15,7 @@ OVER_VOLTAGE, SHUT_DOWN = 1, 2048
 
 
 class Keithley2200Dialect(ScpiDialect):
-    """Emulated Keithley 2200, whose output timer starts when the output is switched on.
-
-    Messages do not restart the timer. The emulator checks the time only when a message arrives. A caller can check the
-    time between messages with `watch`.
-    """
+    """Emulated Keithley 2200, whose output timer starts when the output is switched on."""
 
     identification = "Keithley instruments,2200-32-3,EMULATED,1.01-1.00"
 
@@ -45,7 +40,7 @@ class Keithley2200Dialect(ScpiDialect):
         return super().receive(data)
 
     def watch(self) -> None:
-        """Switch the output off if the output has been on for longer than the time of the timer."""
+        """Switch the output off if the output timer has expired."""
         self.timer.watch()
 
     def _switch(self, argument: str) -> bool:

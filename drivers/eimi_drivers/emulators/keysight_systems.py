@@ -1,7 +1,6 @@
 """Emulate Keysight's power systems N6700, N6900 and RP7900, which have a watchdog for their outputs.
 
-The messages in this module were written independently of the messages in the drivers, so that tests find a wrong
-message in a driver.
+The messages were written independently of the drivers, so that tests find a wrong message in a driver.
 """
 
 from __future__ import annotations
@@ -19,11 +18,7 @@ PROTECTED = 2048
 
 
 class _KeysightWatchdog(ScpiDialect):
-    """Emulated Keysight supply with a watchdog: a timer that switches the output off unless messages restart it.
-
-    After the watchdog has switched the output off, the answer to ``OUTP?`` is still 1. The emulator checks the watchdog
-    only when a message arrives. Between messages, a caller can check it with `watch`.
-    """
+    """Emulated Keysight supply with a watchdog, a timer that switches the output off unless messages restart it."""
 
     status = "STAT:QUES1:COND?"
 
@@ -79,8 +74,7 @@ class KeysightN6700Dialect(_KeysightWatchdog, KeysightE36312ADialect):
 class KeysightN6900Dialect(_KeysightWatchdog):
     """Emulated Keysight N6900, which has one output.
 
-    After power-up the supply regulates the voltage (voltage priority). In voltage priority ``CURR`` does not change the
-    current in the coil. A change of the priority switches the output off and resets the set-points.
+    After power-up the supply regulates the voltage, and the current set-point has no effect on the current in the coil.
     """
 
     identification = "Keysight Technologies,N6971A,EMULATED,B.01.01"
@@ -120,6 +114,6 @@ class KeysightN6900Dialect(_KeysightWatchdog):
 
 
 class KeysightRp7900Dialect(KeysightN6900Dialect):
-    """Emulated Keysight RP7900, which answers like an N6900."""
+    """Emulated Keysight RP7900, which gives the answers of an N6900."""
 
     identification = "Keysight Technologies,RP7931A,EMULATED,B.04.06"

@@ -12,16 +12,13 @@ _MESSAGE = re.compile(rb"\*IDN\?|STATUS\?|[VI](?:SET|OUT)1\?|[VI]SET1:\d{1,4}(?:
 class KoradDialect:
     """Emulated one-channel Korad supply.
 
-    The answer to ``ISET1?`` has a sixth byte without meaning, as on the real supply.
-
     Parameters
     ----------
     supply : CoilSupply
         The model of the supply and its coil.
     fuse_within_s : float
-        The shortest time between two messages that the supply understands, s. If a message comes earlier, it is lost
-        together with the previous message, whose effect is undone. With the default 0 no message is lost. Other values
-        work only in the same process, because a pseudo-terminal does not preserve the time between messages.
+        The shortest time between two messages that the supply understands, s. An earlier message is lost together with
+        the previous message.
     protection_bit : int
         The bit of the status byte that reports a trip: 0x20 or 0x80, depending on the firmware.
     """
@@ -36,7 +33,7 @@ class KoradDialect:
         self._state_before = supply.state
 
     def receive(self, data: bytes) -> bytes:
-        """Receive bytes and return the answers. Bytes that are not part of a message are ignored."""
+        """Receive bytes and return the answers."""
         now_s = self.supply.clock.now()
         too_soon, self._last_s = now_s - self._last_s < self._fuse_within_s, now_s
         if too_soon:

@@ -6,14 +6,14 @@ from eimi_drivers.emulators.supply import CoilSupply
 
 
 class OutputWatchdog:
-    """Timer that switches the output of an emulated supply off if the timer is not restarted in time.
+    """Timer that switches the output of an emulated supply off unless the timer is restarted in time.
 
     Parameters
     ----------
     supply : CoilSupply
         The model of the supply and its coil.
     seconds : float
-        The duration of the timer after power-up, s. `set_seconds` changes the duration.
+        The duration of the timer after power-up, s.
 
     Attributes
     ----------
@@ -30,19 +30,16 @@ class OutputWatchdog:
         self._restarted_s = supply.clock.now()
 
     def restart(self) -> None:
-        """Restart the timer: count its time from now."""
+        """Restart the timer."""
         self._restarted_s = self._supply.clock.now()
 
     def switch(self, on: bool) -> bool:
-        """Start or stop the timer. Return True, which means that the supply accepted the command."""
+        """Start or stop the timer, and return True."""
         self.on, self.expired = on, False
         return True
 
     def set_seconds(self, seconds: float, least: float, most: float) -> bool:
-        """Set the duration (s) of the timer, and return whether the supply accepted the duration.
-
-        A duration below `least` or above `most` is not accepted and not set.
-        """
+        """Set the duration (s) of the timer if it is between `least` and `most`, and return whether it was set."""
         if not least <= seconds <= most:
             return False
         self.seconds = seconds

@@ -1,4 +1,4 @@
-"""Emulate the commands that all families of SCPI supplies share. `scpi_families` adds the commands of each family."""
+"""Emulate the commands that all families of SCPI supplies share."""
 
 from __future__ import annotations
 
@@ -31,14 +31,11 @@ _WITHOUT_EFFECT = ("SYST:LOC", "SYST:REM", "SYST:RWL", "SYST:BEEP", "SYST:BEEP:S
 
 
 class Refused(Exception):
-    """The error that is raised for a message that the supply refuses. Its text is stored in the error queue."""
+    """The error that is raised if the supply refuses a message."""
 
 
 class ScpiDialect:
     """Emulated one-channel SCPI supply with an error queue (SCPI-99, volume 2, 21).
-
-    A line may contain several messages, which are separated by ``;``. Each message begins at the root of the command
-    tree, as if it began with a colon.
 
     Parameters
     ----------
@@ -50,10 +47,10 @@ class ScpiDialect:
     Attributes
     ----------
     questions : dict
-        Maps the header of each query, in short form and in capitals, to the function that returns the answer.
+        The header of each query, in short form and in capitals, and the function that returns the answer.
     commands : dict
-        Maps the header of each command, in short form and in capitals, to the function that obeys the command. The
-        function takes the argument of the command and returns whether the supply accepted the command.
+        The header of each command, in short form and in capitals, and the function that obeys the command. The function
+        takes the argument of the command and returns whether the supply accepted the command.
     serial_line_begins_local : bool
         True if every message on a serial line is lost until the message ``SYST:REM`` or ``SYST:RWL`` arrives.
     reset_current_A : float
@@ -101,10 +98,7 @@ class ScpiDialect:
         self._is_local = False
 
     def connect_serially(self) -> None:
-        """Begin a connection over a serial line.
-
-        If `serial_line_begins_local` is true, all messages on this line are lost until a message selects remote mode.
-        """
+        """Begin a connection over a serial line."""
         self._is_local = self.serial_line_begins_local
 
     def receive(self, data: bytes) -> bytes:
@@ -118,19 +112,12 @@ class ScpiDialect:
         return ";".join(answer for answer in answers if answer is not None)
 
     def _parse(self, line: str) -> tuple[str, str]:
-        """Return the header and the argument of a message.
-
-        The header has the form of the keys of `questions` and `commands`: short words in capitals.
-        """
+        """Return the header of a message, in short words and capitals, and the argument."""
         header, _, argument = line.partition(" ")
         return header, argument.strip()
 
     def _shortened(self, line: str) -> str:
-        """Return a message in the form of the keys of `questions` and `commands`.
-
-        Each word of the header is replaced by its short form. If the header is then not known, the words that SCPI
-        allows to leave out are removed.
-        """
+        """Return a message whose header has short words in capitals."""
         header, space, argument = line.removeprefix(":").partition(" ")
         mark = "?" if header.endswith("?") else ""
         words = [_SHORT.get(word, word) for word in header.removesuffix("?").split(":")]

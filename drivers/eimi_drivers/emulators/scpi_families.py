@@ -1,7 +1,6 @@
-"""Emulate families of SCPI supplies that have one output (channel) or expect the channel in each message.
+"""Emulate SCPI supplies that have one output (channel) or expect the channel in each message.
 
-The messages in this module were written independently of the messages in the drivers, so that tests find a wrong
-message in a driver. The coil is connected to one channel. A message for another channel causes an error.
+The messages were written independently of the drivers, so that tests find a wrong message in a driver.
 """
 
 from __future__ import annotations
@@ -17,10 +16,7 @@ MISSING_PARAMETER = '-109,"Missing parameter"'
 
 
 class _SeveralChannels(ScpiDialect):
-    """Emulated SCPI supply with several outputs (channels). The coil is connected to one channel.
-
-    A message for another channel causes an error.
-    """
+    """Emulated SCPI supply with several outputs (channels), of which one feeds the coil."""
 
     def _on_the_coil(self, channel: str) -> None:
         if channel != str(self.channel):
@@ -92,10 +88,7 @@ class KeysightE3632ADialect(KeysightE364xDialect):
 
 
 class SiglentSpdDialect(_SeveralChannels):
-    """Emulated Siglent SPD, whose status word tells whether the output is on.
-
-    A message contains the channel in its header or in its argument.
-    """
+    """Emulated Siglent SPD, whose messages contain the channel."""
 
     identification = "Siglent Technologies,SPD3303X,EMULATED,1.01.01.02.05,V3.0"
     no_error = "0  No Error"
@@ -126,7 +119,7 @@ class SiglentSpdDialect(_SeveralChannels):
 
 
 class KepcoBopDialect(ScpiDialect):
-    """Emulated Kepco BOP, a bipolar supply that is in voltage mode and has its output on after power-up."""
+    """Emulated Kepco BOP, a supply for positive and negative currents."""
 
     identification = "KEPCO,BOP 1KW 36-28,EMULATED,2.38"
 
@@ -183,12 +176,7 @@ class KepcoBopDialect(ScpiDialect):
 
 
 class KepcoBit4886Dialect(ScpiDialect):
-    """Emulated Kepco BOP of 50 W to 400 W with a BIT 4886 card.
-
-    After power-up the supply is in voltage mode and its output is on. In current mode ``CURR`` sets the current, and
-    ``VOLT`` limits the positive and the negative voltage. In voltage mode ``CURR`` is a limit without a sign and does
-    not change the current in the emulated coil.
-    """
+    """Emulated Kepco BOP of 50 W to 400 W with the interface card BIT 4886."""
 
     identification = "KEPCO,BIT 4886,EMULATED,2.3"
 

@@ -1,4 +1,4 @@
-"""Serve an emulated gaussmeter in the field of an emulated coil, with one fault that begins after a given time."""
+"""Serve an emulated gaussmeter in the field of an emulated coil, with at most one fault."""
 
 from __future__ import annotations
 
@@ -25,8 +25,6 @@ SENSOR_FAULTS: dict[str, Fault | SensorFault] = {
 class EmulatedSensorSession:
     """An emulated gaussmeter on a serial port or a TCP port.
 
-    The true field is ``offset_mT + mT_per_A * I``, where I is the current in the emulated coil (A).
-
     Parameters
     ----------
     driver : str
@@ -40,11 +38,11 @@ class EmulatedSensorSession:
     offset_mT : float
         The field at the probe without a current, mT.
     fault : Fault, SensorFault or None
-        The fault of the sensor or of the line; None for no fault.
+        The fault of the sensor or of its connection; None for no fault.
     after_s : float
         The time from the start until the fault begins, s.
     say : callable
-        Takes the texts for the user: the address, and a line when the fault begins.
+        Takes the texts for the user.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Emulate gaussmeters and other sensors: the measured quantity with noise, and the answers of each sensor family."""
+"""Emulate gaussmeters and other sensors."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from eimi_drivers.supplies.transport import Responder
 
 
 class SensorFault(Enum):
-    """A fault of an emulated sensor itself, with its effect and the behaviour of a correct program."""
+    """A fault of an emulated sensor, with its effect and with the behaviour of a correct program."""
 
     STUCK = ("the value does not change any more", "stores the values; an interlock cannot notice this fault")
     JUMP = ("the value is a hundred times too large", "ends the run if an interlock bounds the sensor")
@@ -62,14 +62,14 @@ class EmulatedQuantity:
         self._last = 0.0
 
     def read(self) -> float:
-        """Return a measured value, in `unit`, to which the present fault applies."""
+        """Return a measured value, in `unit`."""
         if self.fault is not SensorFault.STUCK:
             self._last = self._true() + float(self._random.normal(0.0, self.noise))
         return 100.0 * self._last if self.fault is SensorFault.JUMP else self._last
 
 
 class SensorDialect:
-    """Base class of emulated sensors, which answer each query with one line. A query ends with a line feed.
+    """Base class of emulated sensors, which answer each query with one line.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ class SensorDialect:
         self._pending = b""
 
     def receive(self, data: bytes) -> bytes:
-        """Receive bytes, and return the answers to the complete queries. An unknown query has no answer."""
+        """Receive bytes, and return the answers to the complete queries."""
         *queries, self._pending = (self._pending + data).split(b"\n")
         answers = (self._answer(query.decode("ascii", "replace").strip()) for query in queries)
         return b"".join(answer.encode("ascii") + self.ends_with for answer in answers if answer)
@@ -104,10 +104,7 @@ class SensorDialect:
 
 
 class LakeShoreDialect(SensorDialect):
-    """Emulated Lake Shore 425, which answers in the formats of its manual, section 6.3.1.
-
-    Unit, range and mode can be set. Range and mode have no effect on the emulated field.
-    """
+    """Emulated Lake Shore 425, which answers in the formats of its manual, section 6.3.1."""
 
     identification = "LSCI,MODEL425,4250022,1.0"
     unit = 2
@@ -119,10 +116,7 @@ class LakeShoreDialect(SensorDialect):
         self._range, self._mode = "1", "1,0,1"
 
     def answer(self, query: str) -> str:
-        """Return the answer to ``UNIT?``, ``RDGFIELD?``, ``RANGE?`` or ``RDGMODE?``.
-
-        The commands ``UNIT``, ``RANGE`` and ``RDGMODE`` are obeyed, and the answer to a command is an empty text.
-        """
+        """Return the answer to a query, or obey a command and return an empty text."""
         header, _, argument = query.partition(" ")
         match header:
             case "UNIT?":
@@ -160,10 +154,7 @@ class FWBellDialect(SensorDialect):
         self._unit, self._range = "GAUSS", "1"
 
     def answer(self, query: str) -> str:
-        """Return the answer to a query for the field, the unit or the range, also in short form.
-
-        The commands that set unit and range are obeyed, and the answer to a command is an empty text.
-        """
+        """Return the answer to a query, or obey a command and return an empty text."""
         words = query.upper().replace("MEASURE", "MEAS")
         header, _, argument = words.partition(" ")
         match header:

@@ -21,9 +21,8 @@ PLUGGED_IN_AFTER_S = 0.3
 def serve_port(line: FaultyInstrument, name: str = "ttyEMULATED0") -> Iterator[str]:
     """Serve an emulated instrument on a serial port while the `with` block runs, and yield the path of the port.
 
-    The path is a link to a pseudo-terminal. If a fault cuts the line, the link is removed and the terminal is closed.
-    Unless the line is cut permanently, the link exists again after `PLUGGED_IN_AFTER_S` (s) and leads to a new
-    terminal. A driver can then reopen the port like the port of a USB adapter.
+    If a fault cuts the line (the connection), the port disappears. Unless the line is cut permanently, the port exists
+    again after `PLUGGED_IN_AFTER_S` (s).
 
     Parameters
     ----------

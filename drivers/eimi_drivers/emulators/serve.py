@@ -80,7 +80,7 @@ def emulate(dialect: str, supply: CoilSupply, address: str = "") -> Responder:
     supply : CoilSupply
         The model of the supply and its coil.
     address : str
-        The address that the driver will use. The channel in this address is the channel that feeds the coil.
+        The address that the driver will use; it names the channel that feeds the coil.
 
     Returns
     -------
@@ -90,7 +90,7 @@ def emulate(dialect: str, supply: CoilSupply, address: str = "") -> Responder:
     Raises
     ------
     InstrumentError
-        No dialect has this name.
+        No family has this name.
     """
     if dialect not in DIALECTS:
         raise InstrumentError(
@@ -105,10 +105,7 @@ def emulate(dialect: str, supply: CoilSupply, address: str = "") -> Responder:
 
 
 def open_in_process(driver: str, supply: CoilSupply, limits: Limits) -> PowerSupply:
-    """Connect the driver with this name to an emulated supply in the same process, and return the open supply.
-
-    All waits use the clock of the emulated supply.
-    """
+    """Connect a driver to an emulated supply in the same process, and return the open supply."""
     link = InProcessTransport(emulate(driver, supply), supply.clock, address=f"emulated {driver}")
     return supply_driver(driver)(link, limits, supply.clock)
 
@@ -140,8 +137,7 @@ def open_terminal() -> tuple[int, int, str]:
 def serve_pty(instrument: Responder) -> Iterator[str]:
     """Serve an emulated instrument on a pseudo-terminal while the `with` block runs, and yield the path of the port.
 
-    If a fault cuts the line, the terminal is closed. Raises InstrumentError if the operating system has no
-    pseudo-terminals.
+    Raises InstrumentError if the operating system has no pseudo-terminals.
     """
     device_end, driver_end, path = open_terminal()
     wake_read, wake_write = os.pipe()
@@ -172,8 +168,6 @@ def serve_pty(instrument: Responder) -> Iterator[str]:
 @contextmanager
 def serve_tcp(instrument: Responder, host: str = "127.0.0.1", port: int = 0) -> Iterator[str]:
     """Serve an emulated instrument on a TCP port while the `with` block runs, and yield the VISA address of the socket.
-
-    If a fault cuts the line, the connection is closed.
 
     Parameters
     ----------

@@ -1,7 +1,4 @@
-"""Serve an emulated supply that can have a fault, and report the true current in its coil.
-
-The fault begins a given time after the output was switched on.
-"""
+"""Serve an emulated supply that can have a fault, and report the true current in its coil."""
 
 from __future__ import annotations
 
@@ -40,20 +37,18 @@ class EmulatedSession:
     fault : Fault or None
         The fault; None for no fault.
     after_s : float
-        The time (s) until the fault begins, counted from the moment at which the output is on and the current set-point
-        is not zero.
+        The time until the fault begins, s, from the moment at which the output is on and the current set-point is not
+        zero.
     say : callable
-        Takes the texts for the user: the addresses and, with a fault, the beginning of the fault and each change of the
-        true current.
+        Takes the texts for the user.
     coil : CoilSupply, optional
         The model of the supply and its coil; by default a supply with a coil of 4 ohm.
     address : str
-        The address in the rig file. The channel in this address is the channel that feeds the coil.
+        The address in the rig file; it names the channel that feeds the coil.
     announce : callable, optional
-        Called each time that the supply becomes reachable, with two texts: the address of the supply, and the address
-        at which a virtual beam reads the current of the coil. By default both addresses are passed to `say`.
+        Called with the address of the supply and the address of the coil each time that the supply becomes reachable.
     look : callable, optional
-        A function that is called repeatedly while the supply is served. If it raises an error, the session ends.
+        Called repeatedly while the supply is served. If it raises an error, the session ends.
     """
 
     def __init__(
@@ -102,11 +97,7 @@ class EmulatedSession:
         return serve_pty(self._line) if self._fault is None else serve_port(self._line, f"ttyEMULATED{ports}")
 
     def _watch(self) -> None:
-        """Begin the fault at its time, and report changes of the current, while the supply is served.
-
-        The method returns only after the fault REENUMERATE has cut the line of the supply (the connection). The caller
-        then has to serve the supply at another address.
-        """
+        """Begin the fault at its time, and report changes of the current, until a fault cuts the connection."""
         leaves = self._fault is Fault.REENUMERATE
         while not (leaves and self._line.lost):
             self._let_watchdog_act(self._line.instrument)

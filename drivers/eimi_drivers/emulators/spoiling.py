@@ -63,8 +63,7 @@ def begin_fault(fault: Fault, driver: str, coil: CoilSupply, line: FaultyInstrum
 def end_faults(coil: CoilSupply, line: FaultyInstrument) -> None:
     """End the present faults of an emulated supply, of its coil, and of its line (the connection to the supply).
 
-    The fault SWAP is an exception, because it has replaced the supply on the line by another supply. The first supply
-    does not return: the other supply still answers after this call.
+    If the fault SWAP has replaced the supply by another supply, the other supply still answers.
     """
     coil.shorted_A = coil.offset_A = coil.hunting_A = 0.0
     coil.fallen = coil.locked = False
@@ -74,10 +73,9 @@ def end_faults(coil: CoilSupply, line: FaultyInstrument) -> None:
 
 
 def another_unit(driver: str, clock: Clock) -> Responder:
-    """Return a second emulated supply of the same model; its output is off.
+    """Return a second emulated supply of the same model, with another serial number; its output is off.
 
-    It differs from the first supply in its serial number. If the family has no serial numbers, as Korad supplies, both
-    supplies have the same identity. `driver` is the name of the family in `DIALECTS`.
+    `driver` is the name of the family of supplies in `DIALECTS`. A family without serial numbers has only one identity.
     """
     unit = emulate(driver, CoilSupply(clock))
     if isinstance(unit, ScpiDialect):

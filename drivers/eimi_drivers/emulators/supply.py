@@ -1,4 +1,4 @@
-"""Model a supply that feeds a coil with a constant current. The model does not depend on a family of supplies."""
+"""Model a supply that feeds a coil with a constant current."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ LEAST_A = 1e-12
 
 @dataclass(frozen=True)
 class SupplyState:
-    """The settings of an emulated supply and the state of its coil since the last command or trip.
+    """The settings of an emulated supply and the current in its coil at one time.
 
     Parameters
     ----------
@@ -30,18 +30,17 @@ class SupplyState:
     output : bool
         True if the output is on.
     armed : bool
-        True if the over-current protection is on, which trips when the current reaches its set-point.
+        True if the over-current protection is on.
     tripped : bool
         True if a protection has switched the output off.
     coil_current_A : float
-        The current in the coil at the time `at_s`, A.
+        The current in the coil, A.
     at_s : float
-        The time on the clock of the supply at which this state began, s.
+        The time on the clock of the supply, s.
     trip_current_A, trip_voltage_V : float
-        The current (A) and the voltage (V) above which a protection switches the output off. Infinite if the protection
-        is off.
+        The current (A) and the voltage (V) above which a protection switches the output off; infinite for none.
     heating_K : float
-        The temperature of the coil above the temperature of the room at the time `at_s`, K.
+        The temperature of the coil above the temperature of the room, K.
     """
 
     set_current_A: float = 0.0
@@ -59,23 +58,16 @@ class SupplyState:
 class CoilSupply:
     """Model of a supply that feeds a copper coil of resistance R and inductance L.
 
-    The final current is I₁ = min(current set-point, voltage set-point / R) while the output is on, and I₁ = 0 while the
-    output is off. At a time t after a change from the current I₀, the current is I = I₁ + (I₀ - I₁) exp(-t/τ), where τ
-    = L/R is the time constant. The voltage is R I + L dI/dt. The model computes these values at each request, from the
-    time of the clock. Measured values have normally distributed noise; the true current has no noise. Both set-points
-    are zero at the start. An armed over-current protection switches the output off when the current reaches its
-    set-point.
-
-    The final temperature of the coil above the room is `thermal_resistance_K_per_W` times R₀ I₁², where R₀ is the cold
-    resistance. The temperature approaches this value exponentially with `thermal_time_constant_s`. R increases with the
-    temperature like the resistance of copper.
+    At the time t after a change of the set-point, the current is I = I₁ + (I₀ - I₁) exp(-t/τ), where I₀ is the current
+    at the change, I₁ the final current, and τ = L/R the time constant. The voltage is R I + L dI/dt. Measured values
+    have normally distributed noise.
 
     Parameters
     ----------
     clock : Clock
         The clock of the supply and the coil.
     resistance_ohm : float
-        The cold resistance R₀, ohm.
+        The resistance of the cold coil, ohm.
     time_constant_s : float
         The time constant τ of the current, s.
     current_noise_A, voltage_noise_V : float
@@ -98,8 +90,7 @@ class CoilSupply:
     hunting_A : float
         The amplitude of a permanent oscillation of the current, A.
     shorted_A : float
-        The current through a shorted regulator, A. This current flows at any set-point and even if the output is off.
-        Set-points and output still read back as they were set.
+        The current through a shorted regulator, A, which flows at any set-point and even if the output is off.
     offset_A : float
         The error that the meter adds to every current, A.
     fallen : bool
@@ -144,7 +135,7 @@ class CoilSupply:
         return self._clock
 
     def coil_current_A(self) -> float:
-        """Return the present true current in the coil, A, without noise."""
+        """Return the present true current in the coil, A."""
         energised = self.state.output and self.state.set_current_A
         swing_A = self.hunting_A * math.sin(2 * math.pi * HUNTING_HZ * self._clock.now()) if energised else 0.0
         current_A = 0.0 if self.fallen else self._settling_current_A() + swing_A
@@ -154,10 +145,9 @@ class CoilSupply:
         return max(current_A, self.shorted_A) if self.shorted_A else current_A
 
     def coil_current_at_A(self, time_s: float) -> float:
-        """Return the true current in the coil at a past time, A.
+        """Return the true current in the coil at a time since the last change of a set-point, A.
 
-        The model stores only its last change, for example the last set-point. For a time before this change, the result
-        is the current at the change. While a fault changes the current, the result is the present current.
+        For an earlier time, the result is the current at this change.
         """
         if time_s < self.state.at_s:
             return self.state.coil_current_A
@@ -186,39 +176,26 @@ class CoilSupply:
         )
 
     def set_current(self, current_A: float) -> bool:
-        """Set the current (A), and return whether the supply accepted the value.
-
-        A current that is out of range is not accepted. While a person uses the front panel, no value is accepted.
-        """
+        """Set the current (A), and return whether the supply accepted the value."""
         lowest = -self.max_current_A if self.bipolar else 0.0
         return lowest <= current_A <= self.max_current_A and self._obey(set_current_A=current_A)
 
     def set_voltage(self, voltage_V: float) -> bool:
-        """Set the voltage (V), and return whether the supply accepted the value.
-
-        A voltage that is out of range is not accepted. While a person uses the front panel, no value is accepted.
-        """
+        """Set the voltage (V), and return whether the supply accepted the value."""
         return 0.0 <= voltage_V <= self.max_voltage_V and self._obey(set_voltage_V=voltage_V)
 
     def switch(self, on: bool) -> bool:
-        """Switch the output on or off, and return True. Switching on clears a trip of a protection.
-
-        If the supply is locked because a person uses the front panel, nothing changes and the result is False.
-        """
+        """Switch the output on or off, and return whether the supply obeyed. Switching on clears a trip."""
         return self._obey(output=on, tripped=self.state.tripped and not on)
 
     def arm(self, armed: bool) -> bool:
-        """Switch the over-current protection, which trips at the current set-point, on or off, and return True.
-
-        If the supply is locked because a person uses the front panel, nothing changes and the result is False.
-        """
+        """Switch the over-current protection on or off, and return whether the supply obeyed."""
         return self._obey(armed=armed)
 
     def set_trip_levels(self, *, current_A: float | None = None, voltage_V: float | None = None) -> bool:
-        """Set the current (A) and the voltage (V) above which a protection switches the output off, and return True.
+        """Set the trip levels of current (A) and voltage (V), and return whether the supply obeyed.
 
-        None leaves a value unchanged. If the supply is locked because a person uses the front panel, nothing changes
-        and the result is False.
+        None leaves a value unchanged.
         """
         state = self.state
         return self._obey(
@@ -227,10 +204,7 @@ class CoilSupply:
         )
 
     def clear_trip(self) -> bool:
-        """Clear the trip of a protection, which has switched the output off, and return True. The output stays off.
-
-        If the supply is locked because a person uses the front panel, nothing changes and the result is False.
-        """
+        """Clear the trip of a protection, and return whether the supply obeyed. The output stays off."""
         return self._obey(tripped=False)
 
     def drift(self, to_A: float, rate_A_per_s: float = 1.0) -> None:
@@ -245,15 +219,14 @@ class CoilSupply:
         self._change(output=False, tripped=True)
 
     def reset(self, current_A: float = 0.0) -> bool:
-        """Switch the output off, set 0 V and `current_A` (A), and clear the trip of a protection, as ``*RST`` does.
+        """Switch the output off, set 0 V and `current_A`, and clear a trip, as ``*RST`` does.
 
-        Return True. If the supply is locked because a person uses the front panel, nothing changes and the result is
-        False.
+        Return whether the supply obeyed.
         """
         return self._obey(output=False, set_voltage_V=0.0, set_current_A=current_A, tripped=False)
 
     def restart(self) -> None:
-        """Go to the state after power-up: the output is off, the set-points are 0, the protections are switched off."""
+        """Switch the output off, set 0 V and 0 A, and switch the protections off, as after power-up."""
         self._change(
             output=False,
             set_voltage_V=0.0,
@@ -265,18 +238,12 @@ class CoilSupply:
         )
 
     def output_on(self) -> bool:
-        """Return whether the output is on, after the protections have been checked.
-
-        If the voltage or the current exceeds the trip level of a protection, this check switches the output off.
-        """
+        """Return whether the output is on, after the protections have been checked."""
         self._protect()
         return self.state.output
 
     def constant_voltage(self) -> bool:
-        """Return whether the supply limits the voltage, so that the current does not reach its set-point.
-
-        This is so if the voltage set-point is below the current set-point times the resistance of the coil.
-        """
+        """Return whether the supply limits the voltage, so that the current does not reach its set-point."""
         return self.state.set_voltage_V < abs(self.state.set_current_A) * self.resistance_ohm()
 
     def _age_s(self) -> float:

@@ -1,4 +1,4 @@
-"""Emulate a protection of a supply; the protection has a threshold (its trip level) and an on-off switch."""
+"""Emulate a protection of a supply that has a threshold (the trip level) and an on-off switch."""
 
 from __future__ import annotations
 
@@ -38,10 +38,7 @@ class TripLevel:
         self.apply(level, on)
 
     def apply(self, level: float, on: bool) -> bool:
-        """Set the trip level (V or A) and the switch of the protection, and return whether both were accepted.
-
-        The result is False, and nothing changes, if the level is out of range or a person uses the front panel.
-        """
+        """Set the trip level (V or A) and the switch of the protection, and return whether the supply accepted both."""
         if not 0 < level <= self._highest:
             return False
         accepted = self._supply.set_trip_levels(**{self._quantity: level if on else math.inf})
@@ -50,12 +47,9 @@ class TripLevel:
         return accepted
 
     def set_level(self, level: float) -> bool:
-        """Set the trip level (V or A), and return whether the supply accepted it. The on-off switch stays unchanged."""
+        """Set the trip level (V or A), and return whether the supply accepted it."""
         return self.apply(level, self.on)
 
     def switch(self, on: bool) -> bool:
-        """Switch the protection on or off, and return True.
-
-        If a person uses the front panel, nothing changes and the result is False.
-        """
+        """Switch the protection on or off, and return whether the supply obeyed."""
         return self.apply(self.level, on)

@@ -9,7 +9,7 @@ from eimi_drivers.emulators.trip_level import TripLevel
 
 
 class XlnDialect:
-    """Emulated BK Precision XLN, which ignores unknown messages and values that are out of range.
+    """Emulated BK Precision XLN.
 
     Parameters
     ----------
