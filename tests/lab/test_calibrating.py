@@ -30,7 +30,7 @@ TURNS = [(0, 0, 1.2), (25, 0, 2), (-25, 5, -3), (0, 30, 5), (5, -30, 0), (20, 20
 
 
 def board_texture(board):
-    """Return the brightness of a board on a fine grid with a margin of one square, and the cells per mm."""
+    """Return the brightness of a board on a fine grid, and the number of cells of this grid per mm."""
     cells = 20
     if board.kind == "circles":
         x, y = np.meshgrid(*(np.arange(cells * n) % cells + 0.5 for n in (board.columns, board.rows)))

@@ -440,7 +440,7 @@ def test_knots_without_three_points_in_their_interval_are_left_out() -> None:
 
 
 def edges_with(angle_deg: float, sigma: float = 0.01) -> EdgeSet:
-    """Return two edges of 30 mm whose last tenth has a direction."""
+    """Return two edges of 30 mm whose last 4 mm have the direction `angle_deg`."""
     along = np.linspace(0.0, 30.0, 98)
     turn = math.radians(angle_deg)
     bent = np.maximum(along - 26.0, 0.0)

@@ -1,4 +1,4 @@
-"""The guardian (the process that switches the coil off) takes over from a run, and gives up, at the right time."""
+"""The guardian (the process that switches the coil off) takes over, and stops its attempts, at the right time."""
 
 from __future__ import annotations
 

@@ -176,7 +176,7 @@ def test_a_flick_rises_faster_than_it_falls(rise: int, fall: int, abrupt: bool) 
 
 
 def moving_points(frames: int = 40, released: int = 10, step_s: float = 0.1) -> dict[str, Array]:
-    """Return two points of a beam that is held at y = 5 mm until a frame, and then swings."""
+    """Return two points of a beam that is held at y = 5 mm until the frame `released`, and then swings."""
     after = np.maximum(np.arange(frames) - released, 0)
     moved = 5.0 * 0.9**after * np.cos(2 * np.pi * after / 6)
     places = np.zeros((frames, 2, 2))
@@ -536,7 +536,7 @@ def test_each_point_has_the_time_of_its_row() -> None:
 
 
 class Following:
-    """A tracker that finds the beam in some frames; a frame is its own number."""
+    """A tracker that finds the beam in some frames; each frame is a number."""
 
     along_mm = np.array([1.0, 2.0])
 

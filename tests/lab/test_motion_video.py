@@ -40,7 +40,7 @@ def ring_down(bench: Path) -> Motion:
 
 
 def damped(time: Array, place: Array, frequency_Hz: float) -> Array:
-    """Return mean, amplitude, decay (1/s), frequency (Hz) and phase (rad) of a damped oscillation at the times (s)."""
+    """Fit a damped oscillation; return mean, amplitude, decay (1/s), frequency (Hz) and phase (rad)."""
 
     def model(t: Array, mean: float, size: float, decay: float, frequency: float, phase: float) -> Array:
         return np.asarray(mean + size * np.exp(-decay * t) * np.cos(2 * np.pi * frequency * t + phase))

@@ -120,7 +120,7 @@ def shown() -> Callable[..., ShownFit]:
 
 @pytest.fixture
 def validation() -> Callable[..., Validation]:
-    """Return a function that makes the errors of a fit on its own dataset, with invented numbers."""
+    """Return a function that returns invented errors of a fit on its own dataset."""
 
     def validation(of: FitRecord, **changes: Any) -> Validation:
         values: dict[str, Any] = {

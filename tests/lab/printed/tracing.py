@@ -30,7 +30,7 @@ class _Printed:
 
 
 def filled(content: Any, start: int = 0) -> Any:
-    """Return nested lists and dictionaries whose floats are changed by small shares, so that all floats differ.
+    """Return nested lists and dictionaries with slightly changed floats, so that all floats differ.
 
     start: how many floats were changed before.
     """
