@@ -595,6 +595,15 @@ def test_the_second_last_kept_frame_shows_the_beam_at_rest(count: int, still: in
     assert filmed_motion._still_frame(kept)[0, 0] == still
 
 
+@pytest.mark.parametrize("terminal", [True, False])
+def test_the_progress_of_a_film_is_told_on_a_terminal(monkeypatch: pytest.MonkeyPatch, terminal: bool) -> None:
+    said: list[str] = []
+    monkeypatch.setattr(filmed_motion.sys, "stderr", SimpleNamespace(isatty=lambda: terminal))
+    images = filmed_motion._reported(frames(2), said.append, 2)  # type: ignore[arg-type]
+    assert [image[0, 0] for image in images] == [0, 1]
+    assert said == (["frame 1 of 2 frames", "frame 2 of 2 frames"] if terminal else [])
+
+
 def test_notes_about_a_film(capsys: pytest.CaptureFixture[str]) -> None:
     def view(moved_px: float, is_possible: bool = True) -> Any:
         return type("View", (), {"moved_px": moved_px, "is_possible": is_possible})

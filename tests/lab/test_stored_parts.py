@@ -7,6 +7,7 @@ import math
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from datetime import UTC, datetime
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -47,6 +48,7 @@ from eimi_lab.dataset.layout import (
     get_text,
     group,
     identity_text,
+    note,
     put_date,
     put_text,
     to_stored,
@@ -76,6 +78,7 @@ from eimi_lab.process.errors import InputError
 from eimi_lab.process.writer_lock import is_being_written
 from eimi_lab.vision.check import Flag, Severity
 from eimi_lab.vision.edges.edge_set import EdgePoints, EdgeSet
+from eimi_lab.vision.projection import Projection
 
 SPECIMEN = load_specimen(Path(__file__).parents[2] / "protocols" / "specimens" / "type1.toml")
 Array = NDArray[np.float64]
@@ -642,6 +645,59 @@ def test_what_a_dataset_does_not_have_is_refused() -> None:
     assert dataset_of("points").times_of_states().tolist() == []
     same(dataset_of("points").upright([[0.0, 1.0], [2.0, 0.0]]), [[0.0, -1.0], [-2.0, 0.0]])
     assert dataset_of("points").sensors() == ()
+
+
+def stored_dataset(entry: h5py.Group, kind: str = "frames") -> Dataset:
+    made = dataset_of(kind)
+    del vars(made)["edges"]
+    vars(made).update(_entry=entry, _if_damaged="advice")
+    return made
+
+
+def test_each_part_of_the_file_of_a_run_is_returned(entry: h5py.Group) -> None:
+    write_state_columns(entry, "frames")
+    frame_rows(entry, [0, 0, 1], time=[1.0, 2.0, 7.0])
+    frame_stack(entry["data"], "frames", np.zeros((2, 3, 3), np.uint16))
+    dataset = stored_dataset(entry)
+    for missing in (dataset.text("rig"), dataset.truth(), dataset.projection(), dataset.correction(), dataset.edges()):
+        assert missing is None
+    assert (dataset.camera_setting("gain"), dataset.corrections(), dataset.resumable) == (None, (), False)
+    assert (dataset.ring_downs(), dataset.creeps(), dataset.conditioning(), dataset.transient(0)) == (
+        (),
+        (),
+        None,
+        None,
+    )
+    assert (dataset.set_points(), dataset.recorded_ring_downs(), dataset.creep_frames(0)) == ((), (), None)
+    assert dataset.frame_format() == ((2, 3, 3), np.uint16)
+    assert (dataset.last_time_s(), dataset.times_of_states().tolist()) == (7.0, [1.5, 7.0])
+    assert dataset.start_time() == datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC)
+    instrument = group(entry, "instrument", "NXinstrument")
+    for number, text in ((1, "camera"), (0, "supply")):
+        note(instrument, f"identity_{number}", text, "text/plain")
+    instrument["detector/settings/gain"] = 2.5
+    note(entry, "rig", "x = 1", "application/toml")
+    note(entry, "truth", '{"mu": 3}', "application/json")
+    process = group(entry, "segmentation", "NXprocess")
+    note(process, "projection", Projection("red", (0.0, 0.0, 1.0)).to_json(), "application/json")
+    group(entry, "sessions", "NXcollection")
+    entry["states"].attrs["eimi_start_time"] = np.bytes_("2026-01-02T03:04:05")
+    assert dataset.instruments() == ("supply", "camera")
+    assert (dataset.camera_setting("gain"), dataset.text("rig"), dataset.truth()) == (2.5, "x = 1", {"mu": 3})
+    assert dataset.projection() == Projection("red", (0.0, 0.0, 1.0))
+    assert dataset.resumable
+    assert dataset.start_time().tzinfo is UTC
+    former = group(entry, "former", "NXcollection")
+    for name, date, text in (("rig_0", "2026-02-03T00:00", "x = 3"), ("rig_1", "2026-02-04T00:00", "x = 2")):
+        note(former, name, text, "application/toml")
+        put_text(former[name], "date", date)
+    assert dataset.corrections() == (
+        "rig on 2026-02-03: x was 3, and is 2 now",
+        "rig on 2026-02-04: x was 2, and is 1 now",
+    )
+    del entry["truth/data"]
+    with pytest.raises(InputError, match=r"^runs/run\.h5: is damaged, or does not have the contents .*; advice$"):
+        dataset.truth()
 
 
 # Search beside neighbours
