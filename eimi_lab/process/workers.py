@@ -13,7 +13,7 @@ import struct
 import sys
 import threading
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from concurrent.futures import CancelledError, Executor, Future, ProcessPoolExecutor
+from concurrent.futures import CancelledError, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from functools import cache, partial
@@ -300,7 +300,8 @@ def cluster(address: str) -> Iterator[Executor]:
     except ImportError as error:
         raise InputError(f"--scheduler {address}: needs dask.distributed: pip install 'eimi-lab[cluster]'") from error
     try:
-        asyncio.run(asyncio.wait_for(_greet(address), _ANSWER_S))
+        with ThreadPoolExecutor(1) as thread:  # in a notebook, this thread already runs an event loop
+            thread.submit(asyncio.run, asyncio.wait_for(_greet(address), _ANSWER_S)).result()
         client = Client(address, timeout=_ANSWER_S)
     except (OSError, ValueError, MemoryError, struct.error) as error:  # another service may answer
         raise InputError(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import atexit
 import ctypes
 import gc
@@ -15,7 +16,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import CancelledError, Executor, Future
+from concurrent.futures import CancelledError, Executor, Future, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from functools import partial
@@ -246,6 +247,16 @@ def use(address: str, error: BaseException | None = None) -> None:
 
 def test_a_cluster_is_greeted_opened_and_closed(dask: Cluster) -> None:
     use(ADDRESS)
+    assert dask.done == ["greeted", "open", ("shut down", False), "close"]
+
+
+def test_a_cluster_is_opened_in_a_notebook_whose_event_loop_is_running(dask: Cluster) -> None:
+    async def cell() -> None:
+        use(ADDRESS)
+
+    # Tests with a browser leave a running event loop in this thread.
+    with ThreadPoolExecutor(1) as thread:
+        thread.submit(asyncio.run, cell()).result()
     assert dask.done == ["greeted", "open", ("shut down", False), "close"]
 
 
