@@ -1,6 +1,6 @@
 """The Python interface `import eimi_lab as eimi`: one function for each command, with Python objects as arguments.
 
-given        types and conversion of arguments: paths, names of shipped files, or open and loaded objects
+given        types and conversion of arguments: paths, names of shipped files, or loaded objects
 acquiring    open, acquire
 segmenting   import_pictures, import_points, segment
 moving       import_motion
@@ -9,6 +9,5 @@ discovering  discover
 using        simulate, validate, plan, report, publish, export
 results      classes of results, which are printed as tables
 
-Options have the same names and meanings as on the command line. A function writes a file only if the argument `output`
-is given, or if its result is a file.
+A function writes a file only if the argument `output` is given, or if its result is a file.
 """

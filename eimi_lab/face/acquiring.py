@@ -32,7 +32,7 @@ STANDARD_OUTPUT = 1  # file descriptor
 
 @named_options
 def open(path: AnyDataset) -> Dataset:
-    """Open a dataset for reading, even while a run writes it or after its writer crashed.
+    """Open a dataset for reading, even while a run writes it.
 
     Parameters
     ----------
@@ -42,23 +42,20 @@ def open(path: AnyDataset) -> Dataset:
     Returns
     -------
     Dataset
-        The dataset with its states (load steps), frames and edges. The file is closed at the end of a ``with`` block,
-        by ``close()``, or when no variable refers to the dataset any more.
+        The dataset with its states (load steps), frames and edges. ``close()`` or the end of a ``with`` block closes the
+        file.
 
     Raises
     ------
     InputError
-        If the file cannot be read. The message contains the path of the file.
+        If the file cannot be read.
     """
     return path if isinstance(path, Dataset) else open_dataset(Path(path))
 
 
 @dataclass(frozen=True)
 class DryRun:
-    """The steps of a dry run (a run without instruments), as lines of text.
-
-    There is one line for each step, and one line for each message to the supply.
-    """
+    """The steps of a dry run (a run without instruments), as lines of text."""
 
     lines: tuple[str, ...]
 
@@ -122,8 +119,7 @@ def acquire(
     transcript : str or Path
         New file for a record of every message to and from the supply.
     on_event : callable
-        Function that gets every `Event` of the run, such as a stored state, in the thread of the run. If the function
-        raises an exception, the coil is switched off and the run ends.
+        Function that gets every `Event` of the run, such as a stored state. If it raises an exception, the run ends.
     force : bool
         Replace an existing dataset.
 
@@ -210,17 +206,16 @@ def run_protocol(
 ) -> Path:
     """Run a protocol, store its states (load steps) in a dataset, and return the path of the dataset.
 
-    The parameters that are not listed have the same meaning as in `acquire`.
+    The other parameters are those of `acquire`.
 
     Parameters
     ----------
     read : sequence of Path
-        Files from which protocol, specimen and rig were loaded. They must differ from the output.
+        Files from which protocol, specimen and rig were loaded; the output must be another file.
     events : bool
         Print the events of the run on standard output, one JSON object in each line.
     watched_by : str or None
-        File descriptors by which the live page exchanges messages with this process, see `page.watched_run`; None for a
-        run that no page watches.
+        File descriptors through which the live page and the run exchange messages; None without a page.
 
     Raises
     ------

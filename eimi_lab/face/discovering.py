@@ -1,4 +1,4 @@
-"""Select the terms of the strain energy of a material by means of datasets and tensile tests."""
+"""Select the terms of the strain energy of a material from datasets and tensile tests."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ def discover(
     most_terms : int
         Largest number of terms in a law.
     lot : float
-        How much the moduli of the beam and of the tensile specimen may differ because they were cast separately: the
-        standard deviation of this difference, as a fraction of the modulus.
+        Standard deviation of the difference between the moduli of the beam and of the tensile specimen, as a fraction
+        of the modulus.
     section, include_flagged, seed
         See `eimi_lab.fit`.
     output : str or Path

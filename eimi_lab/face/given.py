@@ -1,4 +1,4 @@
-"""Types of the arguments of the Python interface, and their conversion: paths, names of shipped files, or objects."""
+"""Convert the arguments of the Python interface, which are paths, names of shipped files, or objects."""
 
 from __future__ import annotations
 
@@ -30,10 +30,7 @@ T = TypeVar("T")
 
 
 def named_options(function: Callable[P, T]) -> Callable[P, T]:
-    """Return ``function`` with a better error for unknown options.
-
-    An unknown option raises TypeError, whose message suggests a similar option.
-    """
+    """Return ``function``, which then suggests a similar option in the TypeError for an unknown option."""
     names = tuple(inspect.signature(function).parameters)
 
     @functools.wraps(function)
@@ -47,10 +44,7 @@ def named_options(function: Callable[P, T]) -> Callable[P, T]:
 
 
 def several(given: Any) -> list[Any]:
-    """Return a list or tuple as a list; return a list with one element for any other object.
-
-    For example, a text becomes a list with this text.
-    """
+    """Return a list or tuple as a list; return a list with one element for any other object."""
     if isinstance(given, list | tuple):
         return list(given)
     return [given]
@@ -65,7 +59,7 @@ def path_of(given: AnyDataset) -> Path:
 def closed_meanwhile(given: Sequence[AnyDataset]) -> Iterator[list[Path]]:
     """Close the open datasets among the given datasets during a ``with`` block, so that their files can be written.
 
-    Yields the paths of all given datasets. At the end of the block the closed datasets are opened again.
+    Yields the paths of all given datasets.
     """
     opened = [dataset for dataset in given if isinstance(dataset, Dataset)]
     for dataset in opened:
@@ -114,9 +108,6 @@ def output_of(output: AnyPath | None, read: Sequence[Path], force: bool) -> Path
 
 
 def files(*given: object) -> list[Path]:
-    """Return the paths among the given arguments (text or Path) without duplicates; loaded objects are left out.
-
-    The caller checks that an output is not one of these files.
-    """
+    """Return the paths among the given arguments (text or Path), without duplicates."""
     paths = (argument for argument in given if isinstance(argument, str | Path))
     return list(dict.fromkeys(map(Path, paths)))

@@ -34,7 +34,7 @@ IN_MEMORY = Path("(in memory)")
 
 @named_options
 def open_fits(path: AnyPath) -> Fits:
-    """Read the fits of a fits.json.
+    """Read the fits of a file fits.json.
 
     Parameters
     ----------
@@ -49,13 +49,13 @@ def open_fits(path: AnyPath) -> Fits:
     Raises
     ------
     InputError
-        If the file cannot be read. The message contains the path of the file and the wrong key.
+        If the file cannot be read.
     """
     return read_fits_file(Path(path))
 
 
 def fits_of(given: AnyFit | Sequence[AnyFit]) -> list[FittedLaw]:
-    """Return all given fits, each with the path of its file and its number in the file.
+    """Return all given fits, each fit with the path of its file and its number in the file.
 
     Raises InputError if a file cannot be read.
     """
@@ -180,45 +180,42 @@ def fit(
     model : str, or a list of str
         Name of a law, which is a key of `LAWS`, or a list of names.
     prior : Prior or str, or a sequence of these types
-        Gaussian prior of a parameter of the law: ``Prior("C10", 20e3, 500.0)`` or ``"C10=20000,500"``. The numbers are
-        the mean and the standard deviation of the prior in the unit of the parameter.
+        Gaussian prior of a parameter: ``Prior("C10", 20e3, 500.0)`` or ``"C10=20000,500"``. The numbers are the mean
+        and the standard deviation in the unit of the parameter.
     section : "solid", "plane-strain" or "plane-stress"
         How the cross-section of the beam is modelled; by default as in the specimen file.
     include_flagged : bool
-        True to use also the states (load steps) that a flag (a failed quality check) marks as unusable. They are left
-        out by default.
+        Use also the states (load steps) that failed a quality check.
     free : str or sequence of str
         Uncertain quantity that is estimated together with the law, such as ``"width=0.02"``. The number is the standard
-        deviation of the quantity in mm, in degrees or as a fraction. Without a number, the standard uncertainty in the
-        input files is used. ``"bulk"`` estimates the bulk modulus.
+        deviation in mm, in degrees or as a fraction; by default the standard uncertainty in the input files.
+        ``"bulk"`` estimates the bulk modulus.
     tensile : str or Path, or a sequence of these types
         Tensile curves that are fitted together with the datasets.
     tensile_window : float or str
         Largest strain of the tensile curves in per cent, or ``"full"`` for the whole curves. The default is 50.
     tensile_weight : float
-        Factor that multiplies the weight of the tensile curves; without it, the weight follows from their noise.
+        Factor that multiplies the weight of the tensile curves.
     restarts : int
         Number of restarts of the search. Each restart has twice the population (candidates per generation) of the
         previous search.
     bipop : bool
         Insert searches with a small population between the restarts.
     time : {"none", "prony"}
-        ``"prony"`` also identifies a viscoelastic law, a Prony series, from the recorded ring-downs (free vibrations)
-        and creep of the datasets. From a dataset that has only such motions and no states, the dynamic modulus is
-        identified.
+        ``"prony"`` also identifies a Prony series (viscoelasticity) from the recorded ring-downs (free vibrations) and
+        creep. From a dataset without states, the dynamic modulus is identified.
     seed : int, or with a list of laws a sequence of int
         Seed of the random numbers of the search.
     each : bool
         Fit every dataset separately. This needs a list of laws.
     bootstrap : int
-        Number of bootstrap samples of the states; each fit is repeated on every sample.
+        Number of bootstrap samples of the states; the fit is repeated on every sample.
     workers : int
         Number of processes that compute in parallel.
     scheduler : str
-        Address of a dask cluster, which computes instead of this computer.
+        Address of a dask cluster that computes the fit.
     checkpoint : str or Path
-        File that stores every generation (set of candidates) of the search, so that an interrupted fit can be
-        continued.
+        File that stores every generation of the search, so that an interrupted fit can be continued.
     resume : bool
         Continue from the checkpoint, if this file exists.
     output : str or Path
@@ -236,7 +233,7 @@ def fit(
     Raises
     ------
     InputError
-        If a law or option does not exist, or if no material explains the data. The message says what would be right.
+        If a law or option does not exist, or if no material explains the data.
     """
     if isinstance(model, str) and (each or not isinstance(seed, int)):
         raise InputError(
@@ -275,7 +272,7 @@ def fit(
 
 
 def _prior_text(prior: Prior | str) -> str:
-    """Return a prior as the text that the option `--prior` expects, with all digits of the numbers."""
+    """Return a prior as the text that the option `--prior` expects."""
     return prior if isinstance(prior, str) else f"{prior.parameter}={prior.mean!r},{prior.standard_deviation!r}"
 
 
@@ -296,12 +293,12 @@ def identify_laws(
 ) -> tuple[Fits, list[Evidence]]:
     """Fit laws to datasets, and write the fits to ``output`` if it is given.
 
-    The parameters have the same meaning as in `fit`.
+    The parameters are those of `fit`.
 
     Returns
     -------
     fits, evidence
-        The fits, and the evidence of each dataset with states (load steps): its data in the form that a fit uses.
+        The fits, and for each dataset with states (load steps) the measured edges and loads.
 
     Raises
     ------
@@ -359,10 +356,7 @@ def identify_laws(
 
 
 def _motions_of(datasets: Sequence[Path]) -> list[MotionEvidence]:
-    """Return the recorded ring-downs (free vibrations) and creep of each dataset.
-
-    Raises InputError if a dataset cannot be read.
-    """
+    """Return the recorded ring-downs (free vibrations) and creep of each dataset."""
     from eimi_lab.fits.recorded_motions import load_motions, with_ring_downs
 
     return with_ring_downs([load_motions(path) for path in datasets])
@@ -371,11 +365,7 @@ def _motions_of(datasets: Sequence[Path]) -> list[MotionEvidence]:
 def _fits_of_motions(
     laws: Sequence[str], motions: Sequence[MotionEvidence], seeds: Sequence[int], output: Path | None, force: bool
 ) -> Fits:
-    """Return the fits to datasets that have ring-downs (free vibrations) but no states (load steps at rest).
-
-    The fits are written to ``output`` if it is given. Raises InputError if the motions cannot be used, or if the file
-    cannot be written.
-    """
+    """Return the fits to datasets that have ring-downs (free vibrations) but no states (load steps at rest)."""
     from eimi_lab.fits.time_fits import fit_motions
 
     content = Fits.of([fit_motions(law, motions, seed) for law in laws for seed in seeds])
@@ -386,7 +376,7 @@ def _fits_of_motions(
 
 @contextmanager
 def _stopped_with(checkpoint: Path | None) -> Iterator[None]:
-    """Raise `Stopped` with advice on how to continue the fit, if a signal interrupts the fit in the ``with`` block."""
+    """Raise `Stopped` with advice on how to continue the fit, if a signal interrupts the ``with`` block."""
     try:
         yield
     except Stopped as stopped:
@@ -419,8 +409,7 @@ def tensile(
     window : float or str, or a sequence of these types
         Largest strains in per cent, or ``"full"`` for the whole curve. Each window gives a fit.
     relative : bool
-        Minimise the differences between computed and measured stress relative to the measured stress, instead of the
-        absolute differences.
+        Minimise the differences of the stress divided by the measured stress.
     output : str or Path
         File fits.json for the result; None to write no file.
     force : bool

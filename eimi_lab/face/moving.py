@@ -54,9 +54,8 @@ def import_motion(
 ) -> Dataset:
     """Make a dataset from a motion of a beam that was recorded as a video or as tracked points.
 
-    A motion is a ring-down (a free vibration) or creep under a constant load.
-
-    A video needs the argument ``calibration`` or ``along``. Tracked points need ``gravity_angle`` or ``no_gravity``.
+    A motion is a ring-down (a free vibration) or creep under a constant load. A video needs the argument
+    ``calibration`` or ``along``. Tracked points need ``gravity_angle`` or ``no_gravity``.
 
     Parameters
     ----------
@@ -73,7 +72,7 @@ def import_motion(
         Calibration of the pictures.
     along : sequence of (float, float)
         Two to six points on the centre line of the beam at rest, from the clamp to the tip, px. Without a calibration,
-        clamp, axis and scale follow from these points, and gravity is assumed to point down in the picture.
+        clamp, axis and scale follow from these points, and gravity points down in the picture.
     clamp, axis, region, polarity, channel, beam_colour
         New values, which replace the values in the calibration; see `import_pictures`.
     gravity_angle : float
@@ -82,8 +81,7 @@ def import_motion(
     no_gravity : bool
         For tracked points: gravity does not bend the beam.
     rate : float
-        Frames per second of the recording. The rate is required if the file does not contain it, or if the video is
-        played in slow motion.
+        Frames per second, if the file does not contain the rate or the video is in slow motion.
     released : float
         Time in the recording at which the beam was released or its load changed, s. By default, the program finds the
         release of each flick.
@@ -99,7 +97,7 @@ def import_motion(
     unit : str
         Unit of the points of a tracking program: mm, cm, m, in or px.
     pixels_per_mm : float
-        Scale of the picture, px per mm, for tracked points in px. It is not needed with a calibration.
+        Scale of the picture, px per mm, for tracked points in px without a calibration.
     sigma : float
         Standard deviation of a tracked coordinate, in the unit of the file.
     rest : int
@@ -112,13 +110,12 @@ def import_motion(
     Returns
     -------
     Dataset
-        The dataset, open for reading. `Dataset.ring_downs` and `Dataset.creeps` return its motions. `fit` with
-        ``time="prony"`` identifies a viscoelastic (Prony) law from the motions.
+        The dataset, open for reading. `Dataset.ring_downs` and `Dataset.creeps` return its motions.
 
     Raises
     ------
     InputError
-        If a file cannot be used. The message says what would be right.
+        If a file cannot be used.
     """
     from eimi_lab.dataset.moving.motion_facts import MotionFacts
     from eimi_lab.dataset.moving.motion_import import write_motion_dataset
@@ -166,10 +163,7 @@ def import_motion(
 
 @dataclass(frozen=True)
 class ReadMotions:
-    """The motions (ring-downs or creep) that were read from a video or a file of tracked points, and the calibration.
-
-    The calibration is None for tracked points without a calibration.
-    """
+    """The motions (ring-downs or creep) that were read from a file, and the calibration (None if there is none)."""
 
     motions: tuple[Motion, ...]
     calibration: Calibration | None
@@ -205,27 +199,26 @@ def read_motions(
     specimen : SpecimenFile
         The specimen.
     facts : MotionFacts
-        Facts about the recording that the user gives, such as the frame rate.
+        What the user knows about the recording, such as the frame rate.
     calibration : str, Path or Calibration, optional
-        The calibration, if the user gives a calibration.
+        The calibration.
     changes : mapping
-        New values by key, which replace values of the calibration of a video, such as ``clamp_midpoint_px``. A video
-        without a calibration needs the key ``picture`` with ``along_px``, the points on the beam.
+        New values for keys of the calibration of a video. A video without a calibration needs the key ``picture`` with
+        ``along_px``, the points on the beam.
     tool : str, optional
         Name of the tracking program.
     placing : callable
-        Function that returns a `Placing`: the information with which coordinates of the tracking program are converted
-        into the beam frame. Its argument is the calibration; None without a calibration.
+        Takes the calibration (or None) and returns how coordinates of the tracking program are converted into the beam
+        frame.
     has_gravity_direction : bool
-        Whether the user gives an option about gravity: its direction in the beam frame, or that it does not bend the
-        beam.
+        Whether the user gives an option about gravity.
     output : Path
-        The dataset. If points on the beam are missing, a picture with rulers is written to the same folder.
+        The dataset. A picture with rulers is written to its folder if points on the beam are missing.
 
     Returns
     -------
     ReadMotions
-        The motions, and the calibration that was used; the calibration is None for tracked points without one.
+        The motions and the calibration.
 
     Raises
     ------
@@ -306,18 +299,9 @@ def _of_video(
 
 
 def _where(source: Path, output: Path, problem: str) -> str:
-    """Write a picture of the beam at rest with rulers, and return a message for the user.
+    """Write a picture of the beam at rest with rulers, and return a message that asks for points on the beam.
 
-    The message asks the user to read points on the beam from the picture.
-
-    Parameters
-    ----------
-    source
-        The video.
-    output
-        The dataset. The picture is written to the same folder.
-    problem
-        What is wrong, as the beginning of the message.
+    ``problem`` is the beginning of the message.
     """
     import cv2
 

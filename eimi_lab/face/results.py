@@ -24,9 +24,9 @@ from eimi_lab.showing.tables import html_table, installed
 
 @dataclass(frozen=True, repr=False)
 class Validations:
-    """Comparisons of fits with datasets: one prediction (simulation) for each dataset and fit.
+    """Comparisons of fits with datasets: one prediction for each dataset and fit.
 
-    The predictions have the order of the arguments of `validate`: all fits for the first dataset, then for the next.
+    The order is: all fits for the first dataset, then all fits for the next dataset.
     """
 
     predictions: tuple[Prediction[FittedLaw], ...]
@@ -80,8 +80,7 @@ class Validations:
     def plot(self) -> Any:
         """Return a matplotlib figure of the error of each state (load step) against the magnetic field.
 
-        The error is the root mean square distance of the measured points from the simulated edges. The figure has a
-        curve for each fit and dataset.
+        The error is the root mean square distance of the measured points from the simulated edges.
         """
         from eimi_lab.fits.fit_figures import drawn_errors_of_several  # matplotlib is slow to import
 
@@ -111,7 +110,7 @@ class Plan:
     goal : planning.Goal
         What the next run should determine.
     runs : tuple of planning.PlannedRun
-        The planned runs, the best run first. The runs differ in specimen, direction of gravity and weight at the tip.
+        The planned runs, the best run first.
     base : Protocol
         The protocol whose limits, ramp (rate of the current) and settling (wait for rest) are used again.
     """
@@ -122,16 +121,16 @@ class Plan:
 
     @property
     def text(self) -> str:
-        """The protocol of the best of the planned runs, as TOML text."""
+        """The protocol of the best planned run, as TOML text."""
         return planning.protocol_text(self.goal, self.runs[0], self.base)
 
     @property
     def protocol(self) -> Protocol:
-        """The protocol of the best of the planned runs."""
+        """The protocol of the best planned run."""
         return parse(Protocol, self.text, "plan")
 
     def write(self, path: str | Path, force: bool = False) -> Path:
-        """Write the protocol of the best of the planned runs to ``path``, and return the path.
+        """Write the protocol of the best planned run to ``path``, and return the path.
 
         Raises InputError if the file exists and ``force`` is False.
         """
@@ -176,7 +175,7 @@ class Discovered:
 
     @property
     def identified(self) -> bool:
-        """Whether the data determine the terms of the strain energy: exactly one set of terms agrees with the data."""
+        """Whether exactly one set of terms agrees with the data."""
         return self.discovery.identified
 
     def write(self, path: str | Path, force: bool = False) -> Path:
@@ -207,7 +206,7 @@ class Report:
     path : Path
         The HTML page.
     assets : Path or None
-        The folder with the figures and tables as separate files; None if no folder was requested.
+        The folder with the figures and tables; None if no folder was requested.
     """
 
     path: Path

@@ -51,15 +51,14 @@ def import_pictures(
     output : str or Path
         The dataset to write.
     average : bool
-        Store the mean frame of each state (load step) instead of every frame.
+        Store only the mean frame of each state (load step).
     every : int
-        The number n, to import every n-th frame of a video. Each row of the table then gives the beginning of a load in
-        the column time_s or frame. The load acts until the time in the column until_s or, without this column, until
-        the beginning of the next load.
+        The number n, to import every n-th frame of a video. A row of the table then gives the beginning of a load in
+        the column time_s or frame, and the end in the column until_s; by default a load ends when the next load begins.
     dark : str or Path
-        Image that was taken without light. It is subtracted from every frame, and stored in the dataset.
+        Image that was taken without light. It is subtracted from every frame.
     flat : str or Path
-        Image of the back-light without the beam, which corrects uneven light. It is stored in the dataset.
+        Image of the back-light without the beam, which corrects uneven light.
     clamp : (float, float)
         Middle of the line at which the beam leaves the clamp, px.
     axis : float
@@ -73,9 +72,8 @@ def import_pictures(
     beam_colour : (float, float, float)
         Colour of the beam: red, green and blue, each from 0 to 255.
     along : sequence of (float, float)
-        Two to six points on the centre line of the beam in the first image, from the clamp to the tip, px. They help to
-        find the beam, but are not used as edges. In each later image the search begins near the beam in the previous
-        image.
+        Two to six points on the centre line of the beam in the first image, from the clamp to the tip, px. They help
+        to find the beam.
     force : bool
         Replace an existing dataset.
 
@@ -87,7 +85,7 @@ def import_pictures(
     Raises
     ------
     InputError
-        If a file cannot be used. The message says what would be right.
+        If a file cannot be used.
     """
     from eimi_lab.dataset.dark_and_flat import read_correction_images
     from eimi_lab.dataset.importing import import_frames
@@ -147,7 +145,7 @@ def import_points(
     Raises
     ------
     InputError
-        If a file cannot be used. The message says what would be right.
+        If a file cannot be used.
     """
     from eimi_lab.dataset.tracked.points_csv import import_points as from_table
     from eimi_lab.process.outputs import check_distinct
@@ -191,10 +189,9 @@ def segment(
     Parameters
     ----------
     dataset : str, Path or Dataset
-        A dataset of frames. An open dataset is closed while the edges are written, and is then opened again.
+        A dataset of frames.
     specimen, calibration : str, Path or object
-        New specimen and calibration, which replace the specimen and the calibration in the dataset. The dataset keeps
-        the replaced texts.
+        New specimen and calibration, which replace the specimen and the calibration in the dataset.
     clamp, axis, region, polarity, channel, beam_colour, along
         New values, which replace the values of the calibration in the dataset; see `import_pictures`.
     csv : str or Path
@@ -215,7 +212,7 @@ def segment(
     Returns
     -------
     Dataset
-        The dataset with edges, open for reading. If an open dataset was given, the same object is returned.
+        The dataset with edges, open for reading; the same object if an open dataset was given.
 
     Raises
     ------
@@ -246,9 +243,9 @@ def _path(given: AnyPath | None) -> Path | None:
 
 
 def _as_file(given: AnyPath | Document | None, path: Path) -> str | None:
-    """Return the path of a TOML file that the user gives; None if the user gives no file.
+    """Return the path of a TOML file; write a loaded object to the file ``path`` first.
 
-    If the user gives a loaded object, the object is written to the file ``path``, and this path is returned.
+    Return None if nothing is given.
     """
     if given is None or not isinstance(given, Document):
         return None if given is None else str(given)
@@ -265,7 +262,7 @@ def stated_changes(
     beam_colour: tuple[float, float, float] | None,
     along: Sequence[tuple[float, float]] | None,
 ) -> dict[str, Any]:
-    """Return the arguments that are not None as a dictionary: new values of a calibration, by their keys in the file.
+    """Return the arguments that are not None as a dictionary, by the keys of the calibration file.
 
     For the arguments see `import_pictures`.
     """

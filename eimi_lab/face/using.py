@@ -67,7 +67,7 @@ def simulate(
     output: AnyPath | None = None,
     force: bool = False,
 ) -> Simulation:
-    """Simulate a specimen, whose material has a given law, in all states (load steps) of a protocol.
+    """Simulate a specimen in all states (load steps) of a protocol.
 
     Parameters
     ----------
@@ -80,18 +80,16 @@ def simulate(
     parameter : mapping, or sequence of str
         Parameters of the law, moduli in Pa: ``{"mu": 46390.0}`` or ``["mu_Pa=46390"]``.
     fit : FitRecord, Fits, str or Path
-        Fit whose parameters are used instead of ``parameter``. The result then has intervals of the tip's position.
+        Fit that gives the parameters if ``parameter`` is not given.
     index : int
         Number of the fit, from 0, if ``fit`` contains several fits.
     coil_constant : float
         Field at the magnet divided by the current, mT/A.
     gravity_angle, field_angle : float
         Directions of gravity, and of the field of a positive current, degrees from +x (along the straight beam from the
-        clamp) toward +y (across the beam). For a gravity angle of 0 the beam hangs down. For a field angle of 90 the
-        field is across the beam.
+        clamp) toward +y (across the beam).
     bulk_modulus_kPa : float
-        Bulk modulus, kPa, if the cross-section is modelled as "solid" or "plane-strain". By default the material is
-        incompressible.
+        Bulk modulus, kPa, for the sections "solid" and "plane-strain". By default the material is incompressible.
     output : str or Path
         Folder for tables, a figure and files for ParaView; None to write no files.
     force : bool
@@ -131,10 +129,7 @@ def simulate(
 
 
 def _parameter_texts(model: str, parameter: Mapping[str, float] | Sequence[str]) -> list[str]:
-    """Return the parameters of a law as texts in the form that the option `--parameter` takes.
-
-    Raises InputError for a parameter that the law does not have.
-    """
+    """Return the parameters of a law as texts in the form that the option `--parameter` takes."""
     if not isinstance(parameter, Mapping):
         return several(parameter)
     law = LAWS[model]
@@ -161,13 +156,12 @@ def validate(
     ----------
     datasets : str, Path or Dataset, or a sequence of these types
         Measured datasets, preferably datasets that were not used for the fits.
-    fit : FitRecord, Fits, str or Path, or a sequence of them
+    fit : FitRecord, Fits, str or Path, or a sequence of these types
         Fits, or paths of files fits.json.
     section : "solid", "plane-strain" or "plane-stress"
         How the cross-section of the beam is modelled; by default as in the specimen file.
     include_flagged : bool
-        True to use also the states that a flag (a failed quality check) marks as unusable. They are left out by
-        default.
+        Use also the states that failed a quality check.
     output : str or Path
         File validation.json for the result; None to write no file.
     force : bool
@@ -215,7 +209,7 @@ def plan(
     output: AnyPath | None = None,
     force: bool = False,
 ) -> Plan:
-    """Choose the states (load steps) to measure in the next run, and predict how accurate its result will be.
+    """Choose the states (load steps) to measure in the next run, and predict the accuracy of the result.
 
     Parameters
     ----------
@@ -228,14 +222,14 @@ def plan(
     rig : str, Path or Rig
         Rig whose limits and uncertainties are used.
     states : int
-        Number of states. The default is the number of states of the protocol.
+        Number of states; by default as in the protocol.
     goal : str
         What the run should determine: ``"modulus"``, the name of a parameter, or the name of a law to rule out.
     model : str
         Name of the law to use, if the fits have several laws.
     gravity_angle : float or sequence of float
-        Directions of gravity to compare, degrees from the axis of the straight beam: 0 for a beam that hangs down. The
-        default is the direction in the rig file.
+        Directions of gravity to compare, degrees from the axis of the straight beam: 0 for a beam that hangs down; by
+        default as in the rig file.
     tip_weight : float or sequence of float
         Weights at the tip to compare, grams.
     both_polarities : bool
@@ -280,15 +274,13 @@ def report(
 ) -> Report:
     """Write a report as one HTML file that contains all figures.
 
-    The report shows the modulus and the sources of its uncertainty, the laws, errors, frames, residuals and methods.
-
     Parameters
     ----------
-    datasets : str, Path or Dataset, or a sequence of them
+    datasets : str, Path or Dataset, or a sequence of these types
         Measured datasets.
     output : str or Path
         HTML file to write.
-    fit : FitRecord, Fits, str or Path, or a sequence of them
+    fit : FitRecord, Fits, str or Path, or a sequence of these types
         Fits of these datasets.
     assets : str or Path
         Folder for all figures as SVG and PDF, and all tables as CSV and LaTeX; None to write no folder.
@@ -394,9 +386,9 @@ def export(
     index : int
         Number of the fit, from 0, if several fits have this law.
     bulk_modulus_kPa : float
-        Bulk modulus in the material card, kPa. It is never taken from a fit.
+        Bulk modulus in the material card, kPa.
     bulk_ratio : float
-        Ratio of bulk modulus to initial shear modulus in the card. Give either ``bulk_modulus_kPa`` or ``bulk_ratio``.
+        Bulk modulus divided by initial shear modulus, to be given in place of ``bulk_modulus_kPa``.
     output : str or Path
         File for the card; None to write no file.
     force : bool
