@@ -36,10 +36,7 @@ LARGEST_CAMERA_TILT_DEG = 30.0
 
 
 class Picture(Table):
-    """The table [picture] of a calibration: hints, such as a region or a colour, for finding the beam in the pictures.
-
-    The program determines the values of absent keys.
-    """
+    """The table [picture] of a calibration: hints for finding the beam in the pictures, such as its colour."""
 
     region_px: Quad | None = None
     """Left, top, width and height of the part of the picture in which the beam is searched."""
@@ -71,8 +68,7 @@ class Calibration(Document):
     """The contents of calibration.toml.
 
     In the picture, x points to the right and y down, and the centres of the pixels have integer coordinates. Angles are
-    in degrees, clockwise from +x. In the table [uncertainty], the number for clamp_midpoint_px applies to x and also to
-    y, and the key of the focal length is focal_length_px.
+    in degrees, clockwise from +x.
     """
 
     pixels_per_mm: float = Field(gt=0)
@@ -159,26 +155,23 @@ class Calibration(Document):
     def positive_field_deg(self) -> float:
         """Direction of the field of a positive current in the picture, in degrees clockwise from +x.
 
-        This is the direction of +y in the beam frame (x along the straight beam from the clamp, y across). Without a
-        coil, the direction is at 90° to the beam.
+        Without a coil, the direction is at 90° to the beam.
         """
         return self.axis_angle_deg - 90.0 if self.field_angle_deg is None else self.field_angle_deg
 
     @property
     def mT_per_A(self) -> float:
-        """The coil constant in mT for each ampere; 0 without a coil."""
+        """The coil constant, mT/A; 0 without a coil."""
         return self.coil_constant_mT_per_A or 0.0
 
     def uncertain_keys(self) -> tuple[str, ...]:
-        """Return the keys of this calibration whose values may have an entry in the table [uncertainty]."""
+        """Return the keys of this calibration that the table [uncertainty] may contain."""
         return tuple(key for key in keys_of("calibration") if getattr(self, key, None) is not None)
 
     def stated_sources(self) -> tuple[StatedSource, ...]:
-        """Return the standard uncertainties in the table [uncertainty] of the calibration, in the form for a fit.
+        """Return the standard uncertainties in the table [uncertainty], in the form for a fit.
 
-        Each element contains the uncertainty of one quantity, and the name of the object that causes the error. A fit
-        assumes that the error is the same in all datasets with the same object. The object is this calibration or, for
-        the coil constant, the coil. Coils with equal coil constants count as the same coil.
+        For each uncertainty, the result names the object (this calibration or the coil) that causes the error.
         """
         coil = f"coil of {self.mT_per_A:g} mT/A"
         numbers = self._as_json({"picture"})
@@ -197,23 +190,16 @@ class Calibration(Document):
 
     @property
     def digest(self) -> str:
-        """The SHA-256 hash of the values of the calibration; layout and comments of the file do not change it."""
+        """The SHA-256 hash of the values of the calibration."""
         return hashlib.sha256(self._as_json(set()).encode()).hexdigest()
 
     def _as_json(self, excluded: set[str]) -> str:
-        """Return the values of the calibration as JSON, without the keys ``excluded``, to compute a hash of the values.
-
-        A key that a later release added is left out if the calibration does not have it. The hash of an old calibration
-        then stays the same in every release.
-        """
+        """Return the values of the calibration as JSON, without the keys ``excluded``."""
         absent = {key for key in _OF_LATER_RELEASES if getattr(self, key) is None}
         return self.model_dump_json(exclude=excluded | absent)
 
     def age_days(self, taken: datetime) -> float | None:
-        """Return the age of the calibration in days at the time ``taken``, at which the frames were taken.
-
-        None is returned if the calibration has no date ``calibrated_on``.
-        """
+        """Return the age of the calibration in days at the time ``taken``; None if the calibration has no date."""
         if self.calibrated_on is None:
             return None
         begin = datetime(self.calibrated_on.year, self.calibrated_on.month, self.calibrated_on.day, tzinfo=UTC)
@@ -254,17 +240,14 @@ def load_calibration(path: str | Path, changes: Changes | None = None) -> Calibr
 
 
 def missing_places(path: str | Path, changes: Changes) -> tuple[str, ...]:
-    """Return the keys that the user still has to give: "clamp_midpoint_px", "axis_angle_deg", both or none.
-
-    A user measures these two values in a picture. A key is missing if neither the calibration file nor ``changes``
-    contains it.
+    """Return the keys that are missing in a calibration: "clamp_midpoint_px", "axis_angle_deg", both or none.
 
     Parameters
     ----------
     path
         Path of the calibration file, or the name of a shipped calibration.
     changes
-        New values for keys of the calibration, by key.
+        New values for keys of the calibration.
 
     Raises
     ------
@@ -285,7 +268,7 @@ def missing_places(path: str | Path, changes: Changes) -> tuple[str, ...]:
 def changed_calibration(calibration: Calibration, changes: Changes) -> Calibration:
     """Return a copy of a calibration in which ``changes``, new values by key, replace the old values.
 
-    The text of the copy also contains the new values. Raises InputError if the copy is not a valid calibration.
+    Raises InputError if the copy is not a valid calibration.
     """
     table = calibration.model_dump(exclude_unset=True, exclude_none=True)
     return _changed(table, changes, calibration.text, "calibration")

@@ -27,12 +27,10 @@ Row = Annotated[tuple[float, float, float, float], Field(strict=False)]
 
 
 class CoilShapeTable(Table):
-    """How the field of the coil varies in the plane of the beam, relative to its value at the magnet.
+    """The field of the coil as a function of position, relative to the field at the magnet.
 
-    The user gives one of three descriptions: two circular loops of wire with a common axis, a map (the measured field
-    at the points of a grid), or only a gradient. The value at the magnet comes from the key coil_constant_mT_per_A:
-    this is the field at the middle of the magnet at rest, or at the middle of a beam without a magnet. Positions are in
-    the beam frame, where x runs along the straight beam from the clamp, and y across the beam.
+    The table contains two circular loops of wire, or a map (the measured field at the points of a grid), or a gradient.
+    Positions are in the beam frame: x along the straight beam from the clamp, y across the beam.
     """
 
     radius_mm: float | None = Field(default=None, gt=0)
@@ -74,7 +72,7 @@ class CoilShapeTable(Table):
 
     @property
     def is_uneven(self) -> bool:
-        """Whether the field varies with the position: the file gives loops of wire, a map or a gradient."""
+        """Whether the field varies with the position."""
         return not (self.radius_mm is None and self.map is None and self.gradient_per_m is None)
 
     def _grid(self) -> FieldTable:
@@ -88,21 +86,20 @@ class CoilShapeTable(Table):
         return FieldTable(x, y, rows[:, 2:].reshape(len(x), len(y), 2))
 
     def shape(self, specimen: Specimen, field_deg: float) -> CoilShape:
-        """Return the dependence of the field on the position, in the form for the simulation of a specimen.
+        """Return the field of the coil as a function of position, in the form for the simulation of a specimen.
 
         Parameters
         ----------
         specimen
             The specimen.
         field_deg
-            Direction of the field of a positive current in the beam frame (x along the straight beam from the clamp, y
-            across), from +x toward +y.
+            Direction of the field of a positive current, degrees from +x (along the straight beam from the clamp)
+            toward +y (across the beam).
 
         Raises
         ------
         ValueError
-            If a loop of the coil passes through the beam, or if the map of the measured field does not contain the
-            position of the magnet at rest.
+            If a loop of the coil passes through the beam, or if the magnet at rest is outside the map of the field.
         """
         axis = (math.cos(math.radians(field_deg)), math.sin(math.radians(field_deg)))
         rest = np.array([specimen.field_place_mm, 0.0])
@@ -118,17 +115,16 @@ class CoilShapeTable(Table):
 
 
 def with_rows_of_map(table: dict[str, Any], beside: Path) -> bool:
-    """Replace the name of a map file in a calibration by the rows of the map file, and return True.
+    """Replace the name of a map file (the measured field at the points of a grid) by the rows of the file.
 
-    A map file contains the field that was measured at the points of a grid. If the calibration has no name of a map
-    file, do nothing and return False.
+    Return False if the calibration names no map file.
 
     Parameters
     ----------
     table
         The contents of the calibration file, which are changed in place.
     beside
-        Path of the calibration file. The name of the map file is relative to the folder of this path.
+        Path of the calibration file, in whose folder the map file is.
 
     Raises
     ------

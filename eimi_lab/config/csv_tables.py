@@ -1,4 +1,4 @@
-"""Read CSV tables that a user writes. Error messages give the file, the row, the column and the value."""
+"""Read CSV tables that a user writes."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from eimi_lab.process.errors import InputError
 
 @dataclass(frozen=True)
 class Column:
-    """The description of a column of a CSV table, for the documentation.
+    """A column of a CSV table, for the documentation.
 
     Parameters
     ----------
     meaning
-        Description of the values.
+        What the values are.
     example
         Example of a cell.
     default
@@ -45,7 +45,7 @@ class Row:
     cells
         Text of each cell, by name of the column.
     decimal_comma
-        Whether numbers may have a decimal comma. They may if the cells are separated by semicolons or tabs.
+        Whether numbers may have a decimal comma.
     """
 
     path: Path
@@ -54,20 +54,20 @@ class Row:
     decimal_comma: bool = False
 
     def fault(self, column: str, wanted: str) -> InputError:
-        """Return the error for a cell with a wrong value. The caller raises this error.
+        """Return the error for a cell with a wrong value.
 
         ``wanted`` describes the right value in the message, such as "a finite number".
         """
         return InputError(f"{self.path}: row {self.line}: {column} = {self.cells[column]!r} should be {wanted}")
 
     def text(self, column: str) -> str:
-        """Return the text of the cell in a column of this row. Raises InputError if the cell is empty."""
+        """Return the text of a cell. Raises InputError if the cell is empty."""
         if not self.cells[column]:
             raise self.fault(column, "filled in, because the column is required")
         return self.cells[column]
 
     def number(self, column: str) -> float:
-        """Return the number in a column of this row. Raises InputError if the cell does not contain a finite number."""
+        """Return the number in a cell. Raises InputError if the cell does not contain a finite number."""
         cell = self.cells[column]
         if self.decimal_comma and cell.count(",") == 1 and "." not in cell:
             cell = cell.replace(",", ".")
@@ -80,25 +80,23 @@ class Row:
         return value
 
     def count(self, column: str) -> int:
-        """Return the integer in a column of this row. Raises InputError if the cell is not an integer of 0 or more."""
+        """Return the integer in a cell. Raises InputError if the cell is not an integer of 0 or more."""
         if not (self.cells[column].isascii() and self.cells[column].isdigit()):
             raise self.fault(column, "a whole number, 0 or more")
         return int(self.cells[column])
 
 
 def read_table(path: Path, required: Iterable[str], optional: Iterable[str] = ()) -> list[Row]:
-    """Return the rows of a CSV table that has a header. Empty lines are skipped.
+    """Return the rows of a CSV table that has a header.
 
-    Cells are separated by commas, semicolons or tabs. If the separators are semicolons or tabs, numbers may have a
-    decimal comma.
+    Cells are separated by commas, semicolons or tabs.
 
     Parameters
     ----------
     path
         The file.
     required, optional
-        Names of the columns, in any order. An unknown column is an error, because the program would otherwise ignore a
-        misspelt optional column silently.
+        Names of the columns, in any order. Other columns are an error.
 
     Raises
     ------
@@ -129,7 +127,7 @@ def read_table(path: Path, required: Iterable[str], optional: Iterable[str] = ()
 
 
 def _separator(header: str) -> str:
-    """Return the separator of a table: the most frequent of comma, semicolon and tab in the header of the table."""
+    """Return the most frequent of comma, semicolon and tab in the header of a table."""
     return max(",;\t", key=header.count)
 
 

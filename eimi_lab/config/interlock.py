@@ -22,10 +22,7 @@ LEAST_SILENCE_S = 2.0
 
 
 class Interlock(Table):
-    """Bounds of a reading, which is a value that a sensor or the supply measures repeatedly.
-
-    The coil is switched off if the reading is outside the bounds, or if no reading arrives.
-    """
+    """Bounds of a measured value, beyond which the coil is switched off."""
 
     reading: str = Field(min_length=1)
     """Name of a sensor in [[sensors]]; or coil_current_A, coil_voltage_V or coil_power_W, which the supply measures."""
@@ -62,9 +59,9 @@ class Interlock(Table):
 
 
 def check_readings(interlocks: Sequence[Interlock], readings: Sequence[str]) -> None:
-    """Raise ValueError if an interlock (a pair of bounds) is given for a measured value that does not exist.
+    """Raise ValueError if an interlock (bounds of a measured value) names a value that is not measured.
 
-    ``readings`` are the names of all measured values of the supply and of the sensors.
+    ``readings`` are the names of all measured values.
     """
     for number, interlock in enumerate(interlocks):
         if interlock.reading not in readings:

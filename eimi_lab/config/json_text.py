@@ -1,4 +1,4 @@
-"""Parse JSON text from a file so that every fault raises a ValueError."""
+"""Parse JSON text."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def parse_json(text: str | bytes) -> Any:
     ------
     ValueError
         If the text is not JSON, is nested too deeply, or contains NaN, an infinite number or an integer with
-        more than 300 digits. The message tells what is wrong.
+        more than 300 digits.
     """
     try:
         return json.loads(text, parse_constant=_no_number, parse_float=_finite, parse_int=_short)

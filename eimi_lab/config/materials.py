@@ -1,7 +1,4 @@
-"""Read materials.toml: the materials and the properties of the bench with which a virtual rig is simulated.
-
-No fit reads this file. The results of fits are compared with it.
-"""
+"""Read materials.toml: the materials and the properties of the bench with which a virtual rig is simulated."""
 
 from __future__ import annotations
 
@@ -18,7 +15,7 @@ from eimi_lab.config.toml import Document, Table, parse, read_text
 
 
 class TrueMaterial(Table):
-    """The material with which a virtual specimen is simulated: its elastic law and the parameters of this law."""
+    """The material of a simulated specimen: an elastic law with its parameters, and a Prony series."""
 
     model: str
     """Name of the law: neo-hookean, mooney-rivlin, yeoh or ogden."""
@@ -70,10 +67,7 @@ class TrueMaterial(Table):
 
 
 class TrueBench(Table):
-    """The true properties of a simulated bench, where they differ from the specimen file and the calibration file.
-
-    The differences imitate the errors of a real bench, for example a coil constant that was measured wrongly.
-    """
+    """The true properties of a simulated bench that differ from the specimen file and the calibration file."""
 
     magnetisation_angle_deg: float = Field(default=0.0, ge=-180.0, le=180.0)
     """Angle between the true magnetisation and the direction in the specimen file."""
@@ -92,7 +86,7 @@ class TrueBench(Table):
 
 
 class TrueMaterials(Document):
-    """The contents of materials.toml: the materials and the properties of the bench with which a rig is simulated."""
+    """The contents of materials.toml: the materials and the properties of a simulated bench."""
 
     silicone: dict[str, TrueMaterial]
     """One table for each material. The name of the table is the value of specimen.material in the specimen file."""

@@ -13,10 +13,7 @@ _ORCID_DIGITS = 16
 
 
 def _orcid(text: str) -> str:
-    """Return an ORCID iD in its usual form, such as 0000-0002-1825-0097.
-
-    Raises ValueError if the form or the check digit (ISO 7064, MOD 11-2) is wrong.
-    """
+    """Return an ORCID iD in its usual form, such as 0000-0002-1825-0097, after a check of the last digit (ISO 7064)."""
     digits = text.removeprefix("https://orcid.org/").replace("-", "")
     if len(digits) != _ORCID_DIGITS or not digits[:-1].isdecimal() or digits[-1] not in "0123456789X":
         raise ValueError("should be an ORCID iD such as 0000-0002-1825-0097")

@@ -17,11 +17,7 @@ FINEST_STEP_A = 1e-4  # smallest step of a ramp; supplies resolve about a millia
 
 
 class Currents(Table):
-    """The set-points of a run: a range with a step, or a list.
-
-    `set_points_A` computes the range in decimal arithmetic, so that the fourth set-point of a range from 0 with a step
-    of 0.1 is 0.3 and not 0.30000000000000004.
-    """
+    """The currents of a run: a range with a step, or a list."""
 
     start_A: float | None = None
     """The first set-point."""
@@ -62,17 +58,13 @@ class Currents(Table):
 
     @property
     def set_points_A(self) -> tuple[float, ...]:
-        """The set-points in the order of the run, A."""
+        """The currents in the order of the run, A."""
         forward = self._forward_A()
         one_way = forward + forward[-2::-1] if self.up_and_down else forward
         return one_way + tuple(-current_A for current_A in one_way if current_A) if self.both_polarities else one_way
 
     def key_of(self, current_A: float) -> str:
-        """Return the name of the key in protocol.toml from which ``current_A`` comes, for an error message.
-
-        ``current_A`` is the smallest or the largest set-point of the run. The key is "values_A", "start_A" or
-        "stop_A".
-        """
+        """Return the key in protocol.toml that gives ``current_A``, the smallest or the largest current of the run."""
         if self.values_A is not None:
             return "values_A"
         forward_A = abs(current_A) if self.both_polarities else current_A
@@ -81,6 +73,7 @@ class Currents(Table):
     def _forward_A(self) -> tuple[float, ...]:
         if self.values_A is not None:
             return self.values_A
+        # In decimal arithmetic, 0 + 3 * 0.1 is 0.3 exactly.
         start, stop, step = (Decimal(str(end)) for end in (self.start_A, self.stop_A, self.step_A))
         count = int(abs(stop - start) / step)
         signed = step if stop > start else -step
@@ -160,8 +153,7 @@ class Transients(Table):
 class Conditioning(Table):
     """Cycles of the current from zero to a maximum and back to zero before the run.
 
-    The cycles are useful because silicone softens when it is stretched for the first time (Mullins effect: L. Mullins,
-    Rubber Chem. Technol. 42 (1969) 339).
+    Silicone softens when it is stretched for the first time (L. Mullins, Rubber Chem. Technol. 42 (1969) 339).
     """
 
     cycles: int = Field(ge=1, le=1000)
@@ -181,7 +173,7 @@ class Conditioning(Table):
 
 
 class RingDown(Table):
-    """Steps of the current to zero at the end of a run. The camera records how the beam swings freely after a step."""
+    """Steps of the current to zero at the end of a run, after which the beam swings freely."""
 
     seconds: float = Field(gt=0, le=600)
     """Duration of each recording."""
@@ -238,11 +230,8 @@ class Protocol(Document):
     @model_validator(mode="before")
     @classmethod
     def _read_release(cls, content: Any) -> Any:
-        """Rename the table `release` of a protocol file to `ring_down`.
-
-        Protocol files of early versions have the old name. The table describes steps of the current to zero, after
-        which the beam swings freely.
-        """
+        """Rename the table `release` of a protocol file to `ring_down`."""
+        # Files of early versions have the old name.
         if isinstance(content, dict) and "release" in content and "ring_down" not in content:
             content = {**content, "ring_down": content["release"]}
             del content["release"]
@@ -265,12 +254,7 @@ class Protocol(Document):
 
     @property
     def extremes_A(self) -> tuple[tuple[str, float], ...]:
-        """The currents of the run that may exceed a limit, each with the key from which it comes.
-
-        These are the smallest and the largest set-point, the current of the load cycles before the run, and the current
-        before a ring-down (a step to zero, after which the beam swings freely). The last two are left out if
-        protocol.toml does not give them. Each entry consists of the key in protocol.toml and the current in A.
-        """
+        """The currents of the run (A) that may exceed a limit, each with its key in protocol.toml."""
         ends = [(f"current.{self.current.key_of(end)}", end) for end in (min(self.currents_A), max(self.currents_A))]
         conditioning = [("conditioning.current_A", self.conditioning.current_A)] if self.conditioning else []
         from_A = self.ring_down.from_A if self.ring_down else None
@@ -279,10 +263,7 @@ class Protocol(Document):
 
     @property
     def recordings(self) -> int:
-        """The number of times that a run takes frames: once at each set-point, and once in each ring-down.
-
-        In a ring-down the current steps to zero and the beam swings freely. The display of progress uses this number.
-        """
+        """The number of set-points of the current plus the number of ring-downs (free vibrations) in a run."""
         return len(self.currents_A) + (self.ring_down.repeats if self.ring_down else 0)
 
     @property
@@ -292,13 +273,13 @@ class Protocol(Document):
 
     @property
     def ring_down_from_A(self) -> float:
-        """The current, A, before the step to zero after which the beam swings freely."""
+        """The current (A) that flows until it is set to zero, so that the beam swings freely."""
         from_A = self.ring_down.from_A if self.ring_down else None
         return self.currents_A[-1] if from_A is None else from_A
 
     @property
     def currents_A(self) -> tuple[float, ...]:
-        """The set-points of the current in the order of the run, A."""
+        """The currents in the order of the run, A."""
         return self.current.set_points_A
 
 

@@ -58,10 +58,7 @@ class Supply(Table):
 
     @property
     def opened_with(self) -> Limits:
-        """The limits for the driver: largest current, largest voltage, and the current below which the coil is off.
-
-        A supply cannot measure exactly zero, so a current below the last limit counts as zero.
-        """
+        """The limits for the driver: largest current, largest voltage, and the current below which the coil is off."""
         return Limits(self.limits.current_A, self.limits.voltage_V, self.off_below_A)
 
     @field_validator("address")
@@ -72,10 +69,7 @@ class Supply(Table):
 
 
 class CoilRating(Table):
-    """The thermal rating of the coil, from which the heat of the coil in a run is predicted.
-
-    See `eimi_lab.acquisition.heating`.
-    """
+    """The thermal rating of the coil, from which the temperature of the coil in a run is predicted."""
 
     continuous_current_A: float = Field(gt=0)
     """Largest current that the coil tolerates for an unlimited time."""
@@ -96,7 +90,7 @@ NO_PLAYBACK = Playback()
 
 
 class Camera(Table):
-    """The table [camera] of a rig file. A setting that is absent in the file is not changed in the camera."""
+    """The table [camera] of a rig file."""
 
     driver: str
     """opencv, basler, aravis, gentl, virtual, or the name of a driver from another package."""
@@ -170,11 +164,7 @@ class Camera(Table):
         return self
 
     def at_rate(self, rate_Hz: float | None) -> Camera:
-        """Return a copy of the table [camera] with the frame rate ``rate_Hz`` (frames per second).
-
-        The table is returned unchanged if ``rate_Hz`` is None, if the rig file has a frame rate or a trigger, or if
-        pictures or a video replace the camera.
-        """
+        """Return the table [camera] with the frame rate ``rate_Hz``, unless the camera has a rate or a trigger."""
         plays = self.driver == PLAYER and not str(self.source).isdecimal()
         if rate_Hz is None or self.frame_rate_Hz is not None or self.trigger is not None or plays:
             return self
@@ -182,7 +172,7 @@ class Camera(Table):
 
     @property
     def settings(self) -> CameraSettings:
-        """The settings that are written to the camera before the first frame; None for an absent setting."""
+        """The settings that are written to the camera before the first frame."""
         return CameraSettings(
             exposure_s=self.exposure_s,
             gain=self.gain,
@@ -196,7 +186,7 @@ class Camera(Table):
 
 
 class Virtual(Table):
-    """The virtual rig: a simulated coil, beam and camera, which the program uses like real instruments."""
+    """The virtual rig: a simulated coil, beam and camera."""
 
     model_config = ConfigDict(strict=False)  # pydantic cannot create a dataclass from a table in strict mode
 
@@ -224,12 +214,7 @@ class Virtual(Table):
 
 
 class Rig(Document):
-    """The contents of rig.toml, which describes the supply, the camera, the coil and the sensors of a bench.
-
-    In the file, ``calibration`` and ``virtual.materials`` are names of files in the same folder. The materials of a
-    simulation are in a separate file, because a dataset (the HDF5 file of a run) contains the text of the rig file and
-    must not reveal the materials.
-    """
+    """The contents of rig.toml: the supply, the camera, the coil and the sensors of a bench."""
 
     name: str = Field(min_length=1)
     """Name of the bench. The error of the current is assumed to be the same in all datasets with this name."""
@@ -287,7 +272,7 @@ class Rig(Document):
 
     @property
     def simulated(self) -> bool:
-        """Whether the supply is simulated inside this program. The time of a run is then simulated too."""
+        """Whether the supply is simulated inside this program."""
         return self.supply.driver == VIRTUAL
 
 
@@ -309,23 +294,9 @@ def load_rig(name: str | Path) -> Rig:
 
 
 def _replace_by_file(table: dict[str, Any], key: str, rig: Path, load: Callable[[Path], Document]) -> None:
-    """Replace the name of a file in the folder of the rig by the contents of this file.
+    """Replace the name of a file in ``table[key]`` by the contents of the file.
 
-    Parameters
-    ----------
-    table
-        The table that contains the name of the file. This table is changed in place.
-    key
-        The key whose value is the name of the file.
-    rig
-        Path of the rig file.
-    load
-        Function that reads the file.
-
-    Raises
-    ------
-    InputError
-        If the file does not exist or is not valid.
+    ``rig`` is the path of the rig file, in whose folder the file is.
     """
     name = table.get(key)
     if isinstance(name, str):

@@ -1,7 +1,4 @@
-"""Read the uncertainty of the current from the text of rig.toml that a dataset contains.
-
-This module does not import `config.rig`, which imports all drivers. A fit of a dataset needs no driver.
-"""
+"""Read the uncertainty of the current from the text of rig.toml that a dataset contains."""
 
 from __future__ import annotations
 
@@ -11,9 +8,11 @@ from eimi_fitting.inference.evidence.sources import StatedSource
 from eimi_lab.config.toml import Document, parse, parse_table
 from eimi_lab.config.uncertainty import OfRig, stated_sources
 
+# A fit needs no driver: this module must not import `config.rig`, which imports all drivers.
+
 
 class _RigUncertainty(Document):
-    """The table [uncertainty] of a rig file. All other keys of the file are ignored."""
+    """The table [uncertainty] of a rig file."""
 
     model_config = ConfigDict(extra="ignore")
 
@@ -23,8 +22,6 @@ class _RigUncertainty(Document):
 def stated_by_rig(text: str, origin: str, coil_constant_mT_per_A: float) -> tuple[StatedSource, ...]:
     """Return the uncertainty of the field that follows from the uncertainty of the current in a rig file.
 
-    The rig file gives the standard uncertainty of the current in its table [uncertainty].
-
     Parameters
     ----------
     text
@@ -32,13 +29,12 @@ def stated_by_rig(text: str, origin: str, coil_constant_mT_per_A: float) -> tupl
     origin
         Name of the text in error messages.
     coil_constant_mT_per_A
-        Field at the magnet for each ampere, mT/A.
+        Field at the magnet divided by the current, mT/A.
 
     Returns
     -------
     tuple of StatedSource
-        The standard uncertainty of the field (mT), with a name for the supply, which causes the error. The error is the
-        same in all datasets that were measured with this supply. Empty if the file has no table [uncertainty].
+        The standard uncertainty of the field (mT); empty if the file has no table [uncertainty].
 
     Raises
     ------

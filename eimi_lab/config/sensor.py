@@ -27,7 +27,7 @@ UNITS: dict[str, str] = {"field": "mT", "specimen_temperature": "degC", "coil_te
 
 
 class RigSensor(Table):
-    """A sensor that a run reads with every stored frame, and also every 1.5 s. The dataset contains the readings."""
+    """A sensor that a run reads with every stored frame, and also every 1.5 s."""
 
     name: str = Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")
     """Name of the sensor in the dataset and in [[interlocks]]: small letters, digits and underscores."""
@@ -101,10 +101,7 @@ class RigSensor(Table):
 
 
 def check_sensors(sensors: Sequence[RigSensor], simulated: bool) -> None:
-    """Raise ValueError if the sensors of a rig contradict each other or the rig.
-
-    Two sensors must not have the same name, or measure the same quantity (except "other"). The virtual rig can have
-    only emulated sensors, and a real bench only real sensors.
+    """Raise ValueError if two sensors of a rig contradict each other, or if a sensor does not suit the rig.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A width or depth of the beam that may vary along the beam: a number, or a table of sizes against the arc length."""
+"""A width or depth of the beam: a number, or a table of sizes against the arc length."""
 
 from __future__ import annotations
 
@@ -12,21 +12,18 @@ Rows = tuple[tuple[float, float], ...]
 
 
 class SizeAlong(float):
-    """A width or depth (mm) that varies along the beam.
-
-    The class is a subclass of float: used as a number, the object is the mean width or depth along the beam.
+    """A width or depth (mm) that varies along the beam; as a number, the mean along the beam.
 
     Parameters
     ----------
     rows : tuple of (float, float)
-        Pairs of arc length from the clamp and size, both in mm. Between two rows the size changes linearly. Two rows
-        with the same arc length describe a sudden change.
+        Pairs of arc length from the clamp and size, both in mm. Between two rows the size changes linearly.
     """
 
     rows: Rows
 
     def __new__(cls, rows: Rows) -> SizeAlong:
-        """Create the number: the mean width or depth along the beam, mm. Its attribute `rows` contains the table."""
+        """Create the number: the mean width or depth along the beam, mm."""
         along, sizes = np.array(rows).T
         size = super().__new__(cls, np.trapezoid(sizes, along) / (along[-1] - along[0]))
         size.rows = rows

@@ -137,7 +137,7 @@ class Magnet(Table):
 
 
 class TipLoad(Table):
-    """The point of the beam at which a tip force acts. This point moves with the beam."""
+    """The point of the beam at which a tip force acts."""
 
     x_mm: float | None = None
     """Distance of the point from the clamp, along the beam at rest; by default ``length_mm``."""
@@ -215,7 +215,7 @@ class SpecimenFile(Document):
     def _least_at_magnet(self, magnet: Magnet, side: str) -> float:
         """Return the smallest width or depth (mm) of the part of the beam in which the magnet lies.
 
-        ``side`` is "width_mm" or "depth_mm". The magnet must not be larger than this part of the beam.
+        ``side`` is "width_mm" or "depth_mm".
         """
         size: float = getattr(self.specimen, side)
         rows = rows_of(size)
@@ -229,11 +229,9 @@ class SpecimenFile(Document):
         return float(min([*at_faces, *sizes[(along > near) & (along < far)]]))
 
     def _values(self) -> dict[str, tuple[str, float | None]]:
-        """Return the quantities of the file to which the table [uncertainty] may give an uncertainty.
+        """Return the sizes, the densities and the remanence, by their keys in the table [uncertainty].
 
-        They are the sizes, the densities and the remanence. The keys of the result are those of the table
-        [uncertainty], for example "magnet_width_mm". Each value consists of the name of the quantity, here
-        "magnet.width_mm", and the quantity itself; None if the file does not give it.
+        An item is, for example, ``"magnet_width_mm": ("magnet.width_mm", 4.0)``. An absent quantity is None.
         """
         beam, magnet = self.specimen, self.magnet
         sizes = ("length_mm", "width_mm", "depth_mm", "density_kg_m3")
@@ -244,16 +242,14 @@ class SpecimenFile(Document):
         }
 
     def uncertain_keys(self) -> tuple[str, ...]:
-        """Return the keys that the table [uncertainty] may have, because the file contains their quantities."""
+        """Return the keys that the table [uncertainty] of this specimen file may have."""
         keys = tuple(key for key, (_, value) in self._values().items() if value is not None)
         return (*keys, "magnetisation_angle_deg") if self.magnet else keys
 
     def stated_sources(self) -> tuple[StatedSource, ...]:
-        """Return the standard uncertainties in the table [uncertainty] of the specimen file, in the form for a fit.
+        """Return the standard uncertainties in the table [uncertainty], in the form for a fit.
 
-        Each element contains the uncertainty of one quantity, and the name of the object that causes the error. A fit
-        assumes that the error is the same in all datasets with the same object. The object is this specimen or, for
-        lengths, the measuring instrument, if the file gives the instrument (key ``measured_with``).
+        For each uncertainty, the result names the object (specimen or measuring instrument) that causes the error.
         """
         this_specimen = f"specimen {self.specimen.name}"
         instrument = self.specimen.measured_with
@@ -280,21 +276,14 @@ class SpecimenFile(Document):
         )
 
     def _tip_load_mm(self) -> tuple[float, float] | None:
-        """Return the point (x, y), mm, of the beam at rest at which a tip force acts; None for the middle of the tip.
-
-        x runs along the beam from the clamp, and y across the beam from its centre line.
-        """
+        """Return the point (x along, y across the beam, mm) at which a tip force acts; None for the tip's middle."""
         load = self.tip_load
         if load is None:
             return None
         return self.specimen.length_mm if load.x_mm is None else load.x_mm, load.y_mm
 
     def _rest_shape(self) -> RestShape | None:
-        """Return the shape of the beam without load: its centre line, and how its width and its depth vary.
-
-        None is returned if the file gives a constant width, a constant depth and no points of the centre line. The beam
-        is then straight, or its shape is measured in the pictures.
-        """
+        """Return the shape of the beam without load; None if the file gives a straight beam of constant section."""
         beam = self.specimen
         turns = () if isinstance(beam.rest_shape, str) else centre_line(np.array(beam.rest_shape), beam.length_mm)
         widths, depths = (
@@ -307,9 +296,7 @@ class SpecimenFile(Document):
 def load_specimen(name: str | Path) -> SpecimenFile:
     """Read a specimen from a path, or a shipped specimen by its name ("type1").
 
-    If the file contains the name of a CSV file with the centre line, the text of the returned specimen contains the
-    points of the centre line instead of the name. Raises InputError if a file cannot be read, or if the specimen is not
-    valid.
+    Raises InputError if a file cannot be read, or if the specimen is not valid.
     """
     file = locate(name, "specimens")
     text = read_text(file)

@@ -20,16 +20,13 @@ from eimi_lab.process.replacing import patiently
 
 
 class Table(BaseModel):
-    """The base class of the models of TOML tables.
-
-    Instances are immutable. Unknown keys, values of another type, NaN and infinite numbers are errors.
-    """
+    """The base class of the models of TOML tables."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
 
 class Document(Table):
-    """The base class of the models of TOML files. An instance also keeps the text of its file."""
+    """The base class of the models of TOML files."""
 
     _text: str = PrivateAttr(default="")
 
@@ -62,7 +59,7 @@ def locate(name: str | Path, folder: str = "") -> Path:
     Raises
     ------
     InputError
-        If there is no such file; the message lists the shipped files.
+        If there is no such file.
     """
     path = Path(name)
     if reachable(path).is_file():
@@ -82,7 +79,7 @@ _HDF5 = b"\x89HDF\r\n\x1a\n"  # the signature of HDF5 files (HDF5 File Format Sp
 
 
 def is_dataset(path: Path) -> bool:
-    """Return whether a file begins with the signature (first eight bytes) of HDF5, as every dataset does."""
+    """Return whether a file is a dataset, which begins with the signature (first eight bytes) of HDF5."""
     if not path.is_file():
         return False
     try:
@@ -177,10 +174,7 @@ def parse_table(text: str, origin: str | Path) -> dict[str, Any]:
 
 
 def _decimal_comma(text: str) -> str:
-    """Return a hint about the first number with a decimal comma in TOML text; an empty text if there is no such number.
-
-    The hint is appended to an error message.
-    """
+    """Return a hint about the first number with a decimal comma in TOML text; an empty text without such a number."""
     for number, line in enumerate(text.splitlines(), 1):
         if match := _DECIMAL_COMMA.fullmatch(line):
             right = match["value"].replace(",", ".")
@@ -189,10 +183,7 @@ def _decimal_comma(text: str) -> str:
 
 
 def _longest_key(line: str) -> int:
-    """Return the number of dots in the longest dotted key of a line of TOML; a.b.c has two dots.
-
-    A line with too many dots is refused, because its tables would be nested too deeply.
-    """
+    """Return the number of dots in the longest dotted key of a line of TOML; a.b.c has two dots."""
     *keys, _ = line.split("=")
     if line.lstrip().startswith("["):
         keys.append(line)
@@ -200,10 +191,7 @@ def _longest_key(line: str) -> int:
 
 
 def differences(before: str, after: str) -> tuple[str, ...]:
-    """Return one line of text for each key whose value differs between two TOML texts.
-
-    Each line gives the old and the new value. Comments and the order of the keys are ignored.
-    """
+    """Return one line of text with the old and the new value for each key that differs between two TOML texts."""
     old, new = _flat(tomllib.loads(before), ""), _flat(tomllib.loads(after), "")
     return tuple(
         f"{key} was {_stated(old, key)}, and is {_stated(new, key)} now"
@@ -233,7 +221,7 @@ _KINDS = {
 
 
 def check(model: type[AnyDocument], table: dict[str, Any], text: str, origin: str | Path) -> AnyDocument:
-    """Check the contents of a TOML file against a pydantic model, and return them as an instance of the model.
+    """Check the contents of a TOML file against a pydantic model, and return the instance of the model.
 
     Parameters
     ----------
@@ -270,10 +258,7 @@ UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
 
 
 def _one_line(model: type[BaseModel], error: ValidationError) -> str:
-    """Return a description of one of the faults that pydantic found, in one line for the user.
-
-    If the file has an unknown key, this fault is described, because an unknown key is usually misspelt.
-    """
+    """Return one of the faults that pydantic found, in one line for the user."""
     faults = error.errors(include_url=False)
     fault = next((f for f in faults if f["type"] in UNKNOWN), faults[0])
     location = tuple(str(part) for part in fault["loc"])
@@ -327,10 +312,9 @@ def _shown(value: object) -> str:
 
 
 def _known_keys(table: Any, location: tuple[str, ...]) -> list[str]:
-    """Return the keys that a table of a file may have; an empty list if the file can have no such table.
+    """Return the keys that a table of a file may have.
 
-    ``table`` is the pydantic model of the whole file. ``location`` gives the names of the tables from the outermost to
-    the table itself, for example ("virtual", "optics").
+    ``table`` is the pydantic model of the file. ``location`` is the path to the table, such as ("virtual", "optics").
     """
     for part in location:
         if part.isdecimal():  # the number of one of several tables [[name]]

@@ -1,8 +1,7 @@
 """The table [uncertainty] in the files of specimens, calibrations and rigs.
 
-The table contains standard uncertainties of the quantities in the file. An uncertainty has the same key as its
-quantity. 0 means that the quantity is exact, and an absent key means that the uncertainty is unknown.
-`eimi_fitting.inference.evidence.sources.SOURCES` defines the keys.
+The table contains standard uncertainties of the quantities in the file, by the keys of the quantities. 0 means that a
+quantity is exact.
 """
 
 from __future__ import annotations
@@ -25,10 +24,9 @@ Table = dict[str, float]
 
 
 def keys_of(file: File) -> dict[str, str]:
-    """Return the permitted keys of the table [uncertainty] in one kind of TOML file.
+    """Return the permitted keys of the table [uncertainty], each with the name of the quantity in a fit.
 
-    The value of each key is the name that a fit uses for the uncertain quantity. ``file`` is "specimen", "calibration"
-    or "rig".
+    ``file`` is "specimen", "calibration" or "rig".
     """
     return {source.key: name for name, source in SOURCES.items() if source.stated_in == file}
 
@@ -64,17 +62,14 @@ def check_sizes(table: Table, values: Mapping[str, tuple[str, float | None]], la
     table
         The table [uncertainty]: standard uncertainties by key.
     values
-        The quantities to check, by the key of the uncertainty: the key of the quantity in the file, and its value; None
-        if the file does not contain the quantity. Quantities for which a relative uncertainty is not meaningful, such
-        as angles, are absent.
+        For each key to check, the name and the value of the quantity; None if the file does not contain the quantity.
     largest
         Largest permitted relative uncertainty.
 
     Raises
     ------
     ValueError
-        If an uncertainty is larger than ``largest`` times the value of the quantity, or if the file contains the
-        uncertainty of a quantity but not the quantity.
+        If an uncertainty is larger than ``largest`` times the value, or if the file does not contain the quantity.
     """
     for key, uncertainty in table.items():
         if key not in values:
@@ -91,13 +86,12 @@ def check_sizes(table: Table, values: Mapping[str, tuple[str, float | None]], la
 
 
 def missing_keys(everything: str, table: Table | None, keys: Sequence[str]) -> tuple[str, ...]:
-    """Return the keys of the quantities whose uncertainty the user did not give, to remind the user of them.
+    """Return the keys of the quantities whose uncertainty the user did not give.
 
     Parameters
     ----------
     everything
-        A name for all quantities of the file together, such as "the specimen file". If ``table`` is None, only this
-        name is returned.
+        A name for all quantities of the file, such as "the specimen file"; returned alone if ``table`` is None.
     table
         The table [uncertainty]; None if the file has no such table.
     keys
@@ -120,17 +114,14 @@ def stated_sources(
     table
         The table [uncertainty]; None if the file has no such table.
     shared_by
-        Function that returns, for a key, the name of the object that causes the error, such as an instrument or a
-        specimen. The error is common to all datasets with the same object.
+        Function that returns, for a key, the name of the object that causes the error, such as an instrument.
     in_units
-        Factor by key, which converts the unit of the table into the unit that the fit uses. The factor is 1 for a key
-        that is absent.
+        Factor from the unit of the table to the unit of the fit, by key; 1 for an absent key.
 
     Returns
     -------
     tuple of StatedSource
-        For each key of the table: the name of the quantity, its standard uncertainty, and the object that causes the
-        error.
+        The standard uncertainties.
     """
     names = keys_of(file)
     return tuple(

@@ -42,8 +42,8 @@ def open(path: AnyDataset) -> Dataset:
     Returns
     -------
     Dataset
-        The dataset with its states (load steps), frames and edges. ``close()`` or the end of a ``with`` block closes the
-        file.
+        The dataset with its states (load steps), frames and edges. ``close()`` or the end of a ``with`` block closes
+        the file.
 
     Raises
     ------
