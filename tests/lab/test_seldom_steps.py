@@ -220,6 +220,12 @@ def test_a_simulated_coil_is_waited_for_in_steps_of_the_simulated_time(monkeypat
     coil.wait_until_reached()
     assert clock.s == pytest.approx(2 * POLL_S)
     assert next(measured) == 0.5
+    measured = iter([0.0, 0.5])
+    paused: list[float] = []
+    monkeypatch.setattr(Coil, "_pause", lambda self, seconds, stop_if_asked: paused.append(seconds))
+    coil.simulated = False
+    coil.wait_until_reached()
+    assert (paused, clock.s) == ([POLL_S], pytest.approx(2 * POLL_S))
 
 
 class Bending:

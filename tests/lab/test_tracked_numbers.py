@@ -592,6 +592,7 @@ def test_cells_of_a_table(tmp_path: Path) -> None:
     for text, act, words in (
         ("a;b\n1,5,2;1.2,3\n", lambda r: r.number("a"), "a = '1,5,2' should be a number, with a point"),
         ("a;b\n1;1.2,3\n", lambda r: r.number("b"), "should be a number"),
+        ('a,b\n"1,5",2\n', lambda r: r.number("a"), "a = '1,5' should be a number, with a point"),
         ("a,b\ninf,nan\n", lambda r: r.number("a"), "should be a finite number"),
         ("a,b\n1,nan\n", lambda r: r.number("b"), "should be a finite number"),
         ("a,b\n-1,\u00b2\n", lambda r: r.count("a"), "should be a whole number, 0 or more"),
