@@ -641,6 +641,9 @@ def test_a_motion_in_time_needs_plane_stress_and_divides_a_step_at_most_64_times
         motion.advance(1.0, loads)
     assert parts == [1.0, 1 / 2, 1 / 4, 1 / 8, 1 / 16, 1 / 32, 1 / 64]
     assert motion.time_s == 0.0
+    at_rest = motion.shapes()
+    assert (at_rest.last.pressure.shape[1], at_rest.last.stress.shape[2]) == (1, 1)
+    assert at_rest.displacement.shape[:2] == (1, 1)
 
 
 @pytest.mark.parametrize(("reach_mm", "spacing_mm"), [(10.0, 0.5), (40.0, 1.0), (200.0, 2.0)])

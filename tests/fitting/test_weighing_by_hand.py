@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy.stats
 
-from eimi_fitting.inference.doubts import causes
+from eimi_fitting.inference.doubts import causes, deviating_inputs
 from eimi_fitting.inference.doubts.marginal_likelihood import Posterior
 from eimi_fitting.inference.doubts.signatures import Column
 from eimi_fitting.inference.doubts.weighing import Weighing
@@ -269,3 +270,23 @@ def test_without_a_cause_that_changes_the_residuals_the_result_is_empty(monkeypa
     assert found == causes.Weighed((), frozenset(), {})
     assert (found.modulus_percent, found.most_probable, found.remaining) == ((0.0, 0.0), frozenset(), None)
     assert (found.beside_the_fit, found.as_stated) == (0.0, 0.0)
+
+
+def test_a_deviation_within_its_uncertainty_has_the_probability_of_being_more_than_negligible():
+    # Cause 1 has two numbers with the prior sizes 0.5 and 2; the second is the larger in its prior size.
+    blocks = {1: np.array([2, 3])}
+    weighing = SimpleNamespace(
+        blocks=blocks, shown=lambda cause: 2, scale=lambda indices: np.array([1.0, 1.0, 0.5, 2.0])[indices]
+    )
+    posterior = SimpleNamespace(
+        means=np.array([[0.1, 9.0, 9.0, 9.0], [9.0, 9.0, 9.0, 9.0], [0.4, 9.0, 0.2, -1.6]]),
+        squares=np.array([[0.0] * 4, [0.0] * 4, [0.0, 0.0, 0.0, 0.8**2 + 0.25]]),
+    )
+    exact = SimpleNamespace(causes=[0, 1], posterior=posterior, probability=np.array([0.0, 0.0, 0.6]))
+    found = deviating_inputs._deviation(weighing, exact, 1, np.array([0.2, -1.6]), (0, 1, 4))
+    beyond = scipy.stats.norm.cdf((-0.8 - 0.3) / 0.5) + scipy.stats.norm.cdf((0.8 - 0.3) / 0.5)
+    assert found.cause == 1
+    assert found.probability == pytest.approx(0.6 * beyond)
+    assert found.value == pytest.approx(-np.hypot(0.2, 1.6))
+    assert found.moved == pytest.approx(0.3)
+    assert found.like == (0, 4)
