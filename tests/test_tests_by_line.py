@@ -58,6 +58,16 @@ def test_a_new_map_replaces_the_old_one(code: Path) -> None:
     assert line_map.of("eimi_lab/code.py", 2) == ()
 
 
+def test_a_file_that_is_skipped_as_a_whole_is_no_test(tmp_path: Path) -> None:
+    """pytest reports a skipped file as a case with the name of the module, which it cannot run by this name."""
+    report = tmp_path / "report.xml"
+    report.write_text(
+        '<testsuites><testsuite><testcase file="tests/lab/test_a.py" name="tests.lab.test_a" time="0.0"/>'
+        '<testcase file="tests/lab/test_b.py" name="test_it[1.5]" time="0.25"/></testsuite></testsuites>'
+    )
+    assert tests_by_line.seconds_in(report) == {"tests/lab/test_b.py::test_it[1.5]": 0.25}
+
+
 def test_the_quickest_tests_are_taken_even_if_the_tests_of_other_files_are_slow(
     code: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

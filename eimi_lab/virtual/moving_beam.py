@@ -78,13 +78,11 @@ class MovingBeam:
         if loss_factor:
             self._viscosity_s = loss_factor / self._lowest_angular_frequency()
         self.time_s: float | None = None
-        self._state = self._rate = np.zeros(0)
-        self._step_s, self._fastest = _SHORTEST_S, 0.0
-
-    @property
-    def coordinates(self) -> Array:
-        """The present n coordinates of the rod: bending, hinge angle at the magnet (if any), strain, shear."""
-        return self._state[: self.rod.size]
+        # `start` sets these attributes.
+        self._state: Array
+        self._rate: Array
+        self._step_s: float
+        self._fastest: float
 
     def at_rest(self, field_mT: float, start: Array | None = None) -> Array:
         """Return the n coordinates of the rod in equilibrium in a field (mT), shape (n,).

@@ -74,7 +74,7 @@ class MovingOutlines:
         Parameters
         ----------
         coordinates : ndarray, shape (n,)
-            Bending, hinge angle, stretching and shear of the rod (`MovingBeam.coordinates`).
+            Bending, hinge angle, stretching and shear of the rod (`Rod`).
 
         Returns
         -------

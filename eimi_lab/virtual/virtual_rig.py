@@ -77,10 +77,10 @@ class VirtualCamera:
         frame: BeamFrame,
         mT_per_A: float,
         virtual: Virtual,
-        background_mT: float = 0.0,
-        frame_rate_Hz: float | None = None,
-        specimen: mechanics.Specimen | None = None,
-        strongest_mT: float = 0.0,
+        background_mT: float,
+        frame_rate_Hz: float | None,
+        specimen: mechanics.Specimen | None,
+        strongest_mT: float,
     ) -> None:
         self._beam, self._coil, self._clock, self._frame = beam, coil, clock, frame
         self._mT_per_A, self._virtual, self._background_mT = mT_per_A, virtual, background_mT

@@ -22,7 +22,7 @@ from eimi_lab.virtual.beam import LOSS_FACTOR, VirtualBeam, VirtualLoads
 from eimi_lab.virtual.client_rig import with_virtual_table
 from eimi_lab.virtual.moving_beam import MovingBeam
 from eimi_lab.virtual.moving_outlines import MovingOutlines
-from eimi_lab.virtual.rod import Stiffness
+from eimi_lab.virtual.rod import Rod, Stiffness
 from eimi_lab.virtual.simulation import parse_parameters, simulate
 from eimi_lab.virtual.virtual_rig import VirtualCamera, truth_of
 from eimi_lab.vision.beam_frame import BeamFrame
@@ -117,6 +117,14 @@ def test_the_losses_of_a_beam_without_a_series_have_the_loss_factor_at_its_lowes
     assert 0.5 < other._viscosity_s / beam._viscosity_s < 0.65  # gravity, which does not grow, stiffens the beam
 
 
+def test_a_rod_without_softening_is_linear_and_a_beam_without_losses_has_no_viscosity() -> None:
+    rod = Rod(BEAM, STIFFNESS)
+    z, speed = np.random.default_rng(1).normal(0.0, 0.5, (2, rod.size))
+    assert rod.strain(z) == pytest.approx(z)
+    assert rod.strain_rate(z, speed) == pytest.approx(speed)
+    assert MovingBeam(BEAM, STIFFNESS, 50e3, None, along_gravity)._viscosity_s == 0.0
+
+
 def moving_outlines() -> tuple[MovingBeam, MovingOutlines]:
     beam = MovingBeam(BEAM, STIFFNESS, 50e3, None, along_gravity)
     along = np.linspace(0.0, 30.0, 13)
@@ -185,7 +193,8 @@ def test_the_truth_has_the_series_of_a_material_and_only_the_stated_properties_o
 def camera(beam: Any, **changed: Any) -> VirtualCamera:
     rig = load_rig("virtual")
     coil = SimpleNamespace(coil_current_A=lambda: 0.3)
-    return VirtualCamera(beam, coil, SimulatedClock(), BeamFrame(rig.calibration), 4.0, rig.virtual, 0.5, **changed)
+    given = {"background_mT": 0.5, "frame_rate_Hz": None, "specimen": None, "strongest_mT": 6.0} | changed
+    return VirtualCamera(beam, coil, SimulatedClock(), BeamFrame(rig.calibration), 4.0, rig.virtual, **given)
 
 
 def test_a_beam_without_an_equilibrium_is_an_error_of_the_camera() -> None:

@@ -24,7 +24,6 @@ from eimi_lab.process.errors import InputError
 from eimi_lab.virtual import beam as beam_module
 from eimi_lab.virtual import rod, simulation, virtual_rig
 from eimi_lab.virtual.beam import VirtualBeam, VirtualLoads, forget_solids
-from eimi_lab.virtual.moving_beam import MovingBeam
 from eimi_lab.virtual.rod import Rod, Stiffness
 from eimi_lab.virtual.simulation import parse_parameters, simulate
 from eimi_lab.virtual.virtual_rig import VirtualCamera
@@ -326,13 +325,6 @@ def test_a_magnetised_rod_turns_in_a_field(magnetisation: tuple[float, float]) -
     force = straight.loads(still, derivatives, remaining, field, np.zeros(2))
     torque = 2e-3 * 5e-3 * 0.03 * (magnetisation[0] * field[1] - magnetisation[1] * field[0])
     assert force[0] == pytest.approx(0.5 * torque)  # the mean of a rotation that grows evenly to 1 at the tip
-
-
-def test_the_coordinates_of_a_moving_beam_are_those_of_its_rod() -> None:
-    beam = MovingBeam(BEAM, Stiffness(0.025, 9.7e-8), 50e3, None, lambda mT: (np.array([0.0, 1e-3 * mT]), np.zeros(2)))
-    beam.start(0.0, 2.0)
-    assert beam.coordinates == pytest.approx(beam.at_rest(2.0))
-    assert beam.coordinates.shape == (beam.rod.size,)
 
 
 def test_a_moving_beam_is_drawn_again_only_if_it_has_moved(monkeypatch: pytest.MonkeyPatch) -> None:
