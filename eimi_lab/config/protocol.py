@@ -254,7 +254,7 @@ class Protocol(Document):
 
     @property
     def extremes_A(self) -> tuple[tuple[str, float], ...]:
-        """The currents of the run (A) that may exceed a limit, each with its key in protocol.toml."""
+        """The names of keys in protocol.toml and the extreme currents of the run (A) that these keys give."""
         ends = [(f"current.{self.current.key_of(end)}", end) for end in (min(self.currents_A), max(self.currents_A))]
         conditioning = [("conditioning.current_A", self.conditioning.current_A)] if self.conditioning else []
         from_A = self.ring_down.from_A if self.ring_down else None

@@ -164,7 +164,7 @@ class Camera(Table):
         return self
 
     def at_rate(self, rate_Hz: float | None) -> Camera:
-        """Return the table [camera] with the frame rate ``rate_Hz``, unless the camera has a rate or a trigger."""
+        """Return the table [camera] with the frame rate ``rate_Hz``, or unchanged if this rate does not apply."""
         plays = self.driver == PLAYER and not str(self.source).isdecimal()
         if rate_Hz is None or self.frame_rate_Hz is not None or self.trigger is not None or plays:
             return self
@@ -213,6 +213,7 @@ class Virtual(Table):
         return self
 
 
+# A dataset contains the text of the rig file and must not reveal the materials, which are therefore in a separate file.
 class Rig(Document):
     """The contents of rig.toml: the supply, the camera, the coil and the sensors of a bench."""
 
@@ -248,9 +249,9 @@ class Rig(Document):
             )
         if virtual_camera and not self.simulated and not ADDRESS.fullmatch(str(self.camera.source)):
             raise ValueError(
-                f"camera.source = {self.camera.source!r} should be the address of an emulated coil, "
-                "TCPIP::HOST::PORT::SOCKET as `eimi emulate` prints it: a virtual camera needs an emulated coil, but "
-                f"supply.driver = {self.supply.driver!r} is not virtual"
+                f"camera.source = {self.camera.source!r} should be the address of an emulated coil that `eimi emulate` "
+                "prints, such as TCPIP::127.0.0.1::5555::SOCKET; for a coil inside this program, use "
+                "supply.driver = 'virtual'"
             )
         if virtual_camera != (self.virtual is not None):
             raise ValueError(

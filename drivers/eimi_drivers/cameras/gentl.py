@@ -160,7 +160,7 @@ class GenTLCamera:
     def _set(self, key: str, value: object, number: object, *names: str) -> None:
         """Write a number to the first GenICam feature in `names` that the camera has.
 
-        `key` and `value` are the name and the value of the setting in the message.
+        An error message contains `key` and `value`, the setting in the rig file.
         """
         node = self._node(*names)
         if node is None:

@@ -23,13 +23,13 @@ class Model:
     name : str
         The name of the model in the answer to ``*IDN?``.
     over_voltage, over_current : int
-        The bits of ``LSR1?`` that report a trip of the over-voltage and the over-current protection.
+        The bits of the answer to ``LSR1?`` that report a trip of the over-voltage and the over-current protection.
     out_of_range : int
         The number of the error for a value outside the range.
     range_refused : int
         The number of the error for a change of the range while the output is on.
     ranges : mapping of int to (float, float)
-        The largest voltage (V) and the largest current (A) of each range, by the number of the range.
+        The largest voltage (V) and the largest current (A), by the number of the range.
     range : str
         The command for the range; empty if the model has only one range.
     range_answer : str
@@ -222,7 +222,7 @@ class AimTtiDialect:
                 self._events |= COMMAND_ERROR
 
     def _refuse_unless(self, accepted: bool) -> None:
-        """Store an error if the supply did not accept a command."""
+        """Store an error if `accepted` is false."""
         if not accepted:
             self._refuse(LOCKED_OUT if self.supply.locked else self.model.out_of_range)
 

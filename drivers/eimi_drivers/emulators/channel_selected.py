@@ -27,9 +27,9 @@ class _ChannelSelected(ScpiDialect):
     Attributes
     ----------
     names : dict
-        The number of a channel, and its name in the message INSTrument:SELect.
+        The name of a channel in the message INSTrument:SELect, by the number of the channel.
     aliases : dict
-        Another name of a channel, and the number of the channel.
+        The number of a channel, by another name of the channel.
     """
 
     names: ClassVar[dict[str, str]]
@@ -77,7 +77,7 @@ class _ChannelSelected(ScpiDialect):
         )
 
     def _apply_to(self, argument: str) -> bool:
-        """Obey the command APPLy, and return whether the supply accepted the command."""
+        """Obey the command APPLy (set voltage and current), and return whether the supply accepted the command."""
         channel, voltage, current = [*(part.strip() for part in argument.split(",")), "", ""][:3]
         return self._select(self._channel_named(channel)) and (not voltage or self._apply(voltage, current))
 

@@ -63,13 +63,13 @@ class DeltaPscEthDialect(ScpiDialect):
         }
 
     def receive(self, data: bytes) -> bytes:
-        """Receive bytes, restart the watchdog (the timer that switches off), and return the answers to the messages."""
+        """Receive bytes, restart the watchdog (a timer that switches the output off), and return the answers."""
         self.watch()
         self.watchdog.restart()
         return super().receive(data)
 
     def watch(self) -> None:
-        """Switch the output off if the watchdog, a timer that every message restarts, has expired."""
+        """Switch the output off if the watchdog (a timer that every message restarts) has expired."""
         self.watchdog.watch()
 
     def _shortened(self, line: str) -> str:

@@ -170,7 +170,10 @@ class FaultyInstrument:
         self._silent_until_s = self._clock.now() + seconds
 
     def swap(self, other: Responder, concerns: Callable[[bytes], bool] = bool) -> None:
-        """Cut the line at the next message for which `concerns` returns True, and connect the instrument `other`."""
+        """Cut the line (the connection) at the next message for which `concerns` returns True.
+
+        After the line is reopened, the instrument `other` answers.
+        """
         self._fault, self._concerns, self._next = Fault.DROP, concerns, other
 
     def reconnect(self) -> None:

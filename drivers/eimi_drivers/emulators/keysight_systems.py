@@ -36,13 +36,13 @@ class _KeysightWatchdog(ScpiDialect):
         self.commands["OUTP:PROT:WDOG:DEL"] = lambda argument: self.watchdog.set_seconds(number(argument), 1, 3600)
 
     def receive(self, data: bytes) -> bytes:
-        """Receive bytes, restart the watchdog (the timer that switches off), and return the answers to the messages."""
+        """Receive bytes, restart the watchdog (a timer that switches the output off), and return the answers."""
         self.watch()
         self.watchdog.restart()
         return super().receive(data)
 
     def watch(self) -> None:
-        """Switch the output off if the watchdog, a timer that every message restarts, has expired."""
+        """Switch the output off if the watchdog (a timer that every message restarts) has expired."""
         if self.watchdog.watch():
             self._programmed_on = True
 

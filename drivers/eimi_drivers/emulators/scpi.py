@@ -47,10 +47,10 @@ class ScpiDialect:
     Attributes
     ----------
     questions : dict
-        The header of each query, in short form and in capitals, and the function that returns the answer.
+        The function that returns the answer to a query, by the header of the query (short form, capitals).
     commands : dict
-        The header of each command, in short form and in capitals, and the function that obeys the command. The function
-        takes the argument of the command and returns whether the supply accepted the command.
+        The function that obeys a command, by the header of the command (short form, capitals). The function takes the
+        argument of the command and returns whether the supply accepted the command.
     serial_line_begins_local : bool
         True if every message on a serial line is lost until the message ``SYST:REM`` or ``SYST:RWL`` arrives.
     reset_current_A : float
@@ -112,12 +112,12 @@ class ScpiDialect:
         return ";".join(answer for answer in answers if answer is not None)
 
     def _parse(self, line: str) -> tuple[str, str]:
-        """Return the header of a message, in short words and capitals, and the argument."""
+        """Return the header of a SCPI message in its short form, and the argument of the message."""
         header, _, argument = line.partition(" ")
         return header, argument.strip()
 
     def _shortened(self, line: str) -> str:
-        """Return a message whose header has short words in capitals."""
+        """Return a SCPI message with the short form of its header."""
         header, space, argument = line.removeprefix(":").partition(" ")
         mark = "?" if header.endswith("?") else ""
         words = [_SHORT.get(word, word) for word in header.removesuffix("?").split(":")]

@@ -80,7 +80,7 @@ def emulate(dialect: str, supply: CoilSupply, address: str = "") -> Responder:
     supply : CoilSupply
         The model of the supply and its coil.
     address : str
-        The address that the driver will use; it names the channel that feeds the coil.
+        The address in the rig file, which contains the channel that feeds the coil.
 
     Returns
     -------

@@ -75,7 +75,7 @@ def end_faults(coil: CoilSupply, line: FaultyInstrument) -> None:
 def another_unit(driver: str, clock: Clock) -> Responder:
     """Return a second emulated supply of the same model, with another serial number; its output is off.
 
-    `driver` is the name of the family of supplies in `DIALECTS`. A family without serial numbers has only one identity.
+    `driver` is the name of the family of supplies in `DIALECTS`.
     """
     unit = emulate(driver, CoilSupply(clock))
     if isinstance(unit, ScpiDialect):

@@ -145,9 +145,9 @@ class CoilSupply:
         return max(current_A, self.shorted_A) if self.shorted_A else current_A
 
     def coil_current_at_A(self, time_s: float) -> float:
-        """Return the true current in the coil at a time since the last change of a set-point, A.
+        """Return the true current in the coil at a past time, A.
 
-        For an earlier time, the result is the current at this change.
+        For a time before the last change of a set-point, the result is the current at this change.
         """
         if time_s < self.state.at_s:
             return self.state.coil_current_A
