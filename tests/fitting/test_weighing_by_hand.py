@@ -290,3 +290,84 @@ def test_a_deviation_within_its_uncertainty_has_the_probability_of_being_more_th
     assert found.value == pytest.approx(-np.hypot(0.2, 1.6))
     assert found.moved == pytest.approx(0.3)
     assert found.like == (0, 4)
+
+
+@pytest.mark.parametrize(("decrease", "simulations"), [(1.0, 8), (0.011, 8), (0.009, 2)])
+def test_slopes_are_renewed_while_the_squares_fall_by_a_hundredth_at_most_eight_times(
+    weighing: Any, decrease: float, simulations: int
+) -> None:
+    calls: list[Any] = []
+
+    def simulated(hypothesis: Any, amplitudes: np.ndarray) -> list[np.ndarray]:
+        calls.append(amplitudes.copy())
+        square = 100.0 - decrease * len(calls) - ((amplitudes / SCALE) ** 2).sum()
+        return [np.array([np.sqrt(0.5 * square), 0.0])]  # the first residual has the noise 0.5
+
+    weighing._simulated = simulated
+    weighing._slopes = lambda row, trial, residual, active: np.zeros((len(active), 2))
+    start = np.zeros(9)
+    start[0], start[6] = 1e-9, 1e-9
+    weighing._minimised(2, start)
+    assert len(calls) == simulations
+
+
+@pytest.mark.parametrize(("moves", "passes"), [(True, 8), (False, 0)])
+def test_hypotheses_are_simulated_at_most_eight_times_and_improbable_ones_three_times(
+    weighing: Any, moves: bool, passes: int
+) -> None:
+    limits: list[float] = []
+    simulated: list[tuple[int, ...]] = []
+    errors: list[np.ndarray] = []
+
+    def weigh(y: np.ndarray, error: np.ndarray) -> Posterior:
+        errors.append(error)
+        means = np.zeros((7, 9))
+        means[2, 6] = 0.01 * (0.0051 if moves else 0.0049) * len(errors)  # of cause 1, in its prior size 0.01
+        return posterior([0.0] * 7, means)
+
+    def probable(result: Posterior, far: float) -> range:
+        limits.append(far)
+        return range(7)
+
+    def simulate(hypothesis: tuple[int, ...], amplitudes: np.ndarray) -> list[np.ndarray]:
+        simulated.append(hypothesis)
+        return [np.array([1.0, 2.0])]
+
+    weighing._stated = [np.array([0.1, 0.2])]
+    weighing._weigh, weighing._probable, weighing._simulated = weigh, probable, simulate
+    weighing._misfit = lambda y, amplitudes: 3.9
+    weighing._starts = lambda result, known: []
+    weighing.posterior()
+    assert simulated == [(1,)] * passes
+    assert limits == ([200.0] * 3 + [30.0] * 5 if moves else [200.0])
+    assert len(errors) == 1 + passes
+    if moves:
+        size = 0.0051 * 8
+        assert weighing._y[2] == pytest.approx(size * weighing._rows[6] - [1.0, 2.0])
+    assert weighing._y[0] == pytest.approx([-0.1, -0.2])
+
+
+@pytest.mark.parametrize(("misfit", "renewed"), [(3.9, []), (4.1, [2])])
+def test_a_single_cause_with_a_misfit_above_four_is_fitted_again_in_the_second_pass(
+    weighing: Any, misfit: float, renewed: list[int]
+) -> None:
+    rows: list[int] = []
+    passes: list[int] = []
+
+    def weigh(y: np.ndarray, error: np.ndarray) -> Posterior:
+        passes.append(1)
+        means = np.zeros((7, 9))
+        means[[2, 4], 6] = len(passes)  # a single cause and a pair
+        return posterior([0.0] * 7, means)
+
+    def minimised(row: int, amplitudes: np.ndarray) -> np.ndarray:
+        rows.append(row)
+        return amplitudes
+
+    weighing._stated = [np.zeros(2)]
+    weighing._weigh, weighing._probable, weighing._minimised = weigh, lambda result, far: range(7), minimised
+    weighing._simulated = lambda hypothesis, amplitudes: None
+    weighing._misfit = lambda y, amplitudes: misfit
+    weighing._starts = lambda result, known: []
+    weighing.posterior()
+    assert rows == renewed
