@@ -119,7 +119,7 @@ def acquire(
     transcript : str or Path
         New file for a record of every message to and from the supply.
     on_event : callable
-        Function that gets every `Event` of the run, such as a stored state. If it raises an exception, the run ends.
+        Function that gets every `Event` of the run, such as a stored state. An exception in this function ends the run.
     force : bool
         Replace an existing dataset.
 

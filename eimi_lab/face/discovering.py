@@ -49,7 +49,7 @@ def discover(
     section, include_flagged, seed
         See `eimi_lab.fit`.
     output : str or Path
-        File discovery.json for the result; None to write no file.
+        File discovery.json to write.
     force : bool
         Replace an existing file.
 

@@ -30,7 +30,7 @@ T = TypeVar("T")
 
 
 def named_options(function: Callable[P, T]) -> Callable[P, T]:
-    """Return ``function``, which then suggests a similar option in the TypeError for an unknown option."""
+    """Return a function that calls ``function``, and raises TypeError with a suggestion for an unknown option."""
     names = tuple(inspect.signature(function).parameters)
 
     @functools.wraps(function)

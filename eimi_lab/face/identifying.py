@@ -211,7 +211,7 @@ def fit(
     bootstrap : int
         Number of bootstrap samples of the states; the fit is repeated on every sample.
     workers : int
-        Number of processes that compute in parallel.
+        Number of parallel processes.
     scheduler : str
         Address of a dask cluster that computes the fit.
     checkpoint : str or Path
@@ -219,7 +219,7 @@ def fit(
     resume : bool
         Continue from the checkpoint, if this file exists.
     output : str or Path
-        File fits.json for the result; None to write no file.
+        File fits.json to write.
     force : bool
         Replace existing files.
 
@@ -411,7 +411,7 @@ def tensile(
     relative : bool
         Minimise the differences of the stress divided by the measured stress.
     output : str or Path
-        File fits.json for the result; None to write no file.
+        File fits.json to write.
     force : bool
         Replace an existing file.
 

@@ -74,7 +74,7 @@ def import_motion(
         Two to six points on the centre line of the beam at rest, from the clamp to the tip, px. Without a calibration,
         clamp, axis and scale follow from these points, and gravity points down in the picture.
     clamp, axis, region, polarity, channel, beam_colour
-        New values, which replace the values in the calibration; see `import_pictures`.
+        New values for the calibration; see `import_pictures`.
     gravity_angle : float
         For tracked points: direction of gravity, degrees from +x (along the straight beam from the clamp) toward +y
         (across the beam); 0 for a beam that hangs down.
@@ -91,7 +91,7 @@ def import_motion(
     exposure : float
         Exposure time of a frame, s.
     row_time : float
-        Time between the exposures of two neighbouring rows of the sensor, s; 0 for a global shutter.
+        Time between the exposures of neighbouring rows of the sensor, s; 0 for a global shutter.
     format : str
         Name of the tracking program: dice, ncorr, mudic, dltdv, tracker, deeplabcut or c3d.
     unit : str

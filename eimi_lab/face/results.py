@@ -112,7 +112,7 @@ class Plan:
     runs : tuple of planning.PlannedRun
         The planned runs, the best run first.
     base : Protocol
-        The protocol whose limits, ramp (rate of the current) and settling (wait for rest) are used again.
+        The protocol that gives the limits, the rate of the current and the wait for rest.
     """
 
     goal: planning.Goal

@@ -191,9 +191,9 @@ def segment(
     dataset : str, Path or Dataset
         A dataset of frames.
     specimen, calibration : str, Path or object
-        New specimen and calibration, which replace the specimen and the calibration in the dataset.
+        New specimen and calibration for the dataset.
     clamp, axis, region, polarity, channel, beam_colour, along
-        New values, which replace the values of the calibration in the dataset; see `import_pictures`.
+        New values for the calibration in the dataset; see `import_pictures`.
     csv : str or Path
         Folder for the edges as CSV files.
     overlay : str or Path
@@ -205,7 +205,7 @@ def segment(
     uncorrected : bool
         Remove the dark frame and the flat field from the dataset.
     workers : int
-        Number of processes that compute in parallel.
+        Number of parallel processes.
     force : bool
         Replace existing folders.
 

@@ -91,7 +91,7 @@ def simulate(
     bulk_modulus_kPa : float
         Bulk modulus, kPa, for the sections "solid" and "plane-strain". By default the material is incompressible.
     output : str or Path
-        Folder for tables, a figure and files for ParaView; None to write no files.
+        Folder to write with tables, a figure and files for ParaView.
     force : bool
         Replace an existing folder.
 
@@ -155,7 +155,7 @@ def validate(
     Parameters
     ----------
     datasets : str, Path or Dataset, or a sequence of these types
-        Measured datasets, preferably datasets that were not used for the fits.
+        Measured datasets, preferably not those of the fits.
     fit : FitRecord, Fits, str or Path, or a sequence of these types
         Fits, or paths of files fits.json.
     section : "solid", "plane-strain" or "plane-stress"
@@ -163,7 +163,7 @@ def validate(
     include_flagged : bool
         Use also the states that failed a quality check.
     output : str or Path
-        File validation.json for the result; None to write no file.
+        File validation.json to write.
     force : bool
         Replace an existing file.
 
@@ -214,9 +214,9 @@ def plan(
     Parameters
     ----------
     fits : FitRecord, Fits, str or Path
-        Fits of an earlier run, whose law and noise of the measurement are used.
+        Fits of an earlier run, which give the law and the noise of the measurement.
     protocol : str, Path or Protocol
-        Protocol whose limits, ramp (rate of the current) and settling (wait for rest) are used again.
+        Protocol that gives the limits, the rate of the current and the wait for rest.
     specimen : str, Path or SpecimenFile, or a sequence of these types
         Specimen to measure, or several specimens to compare.
     rig : str, Path or Rig
@@ -235,7 +235,7 @@ def plan(
     both_polarities : bool
         Consider also runs that repeat each state with the opposite current.
     output : str or Path
-        File for the protocol of the best run; None to write no file.
+        File to write with the protocol of the best run.
     force : bool
         Replace an existing file.
 
@@ -283,9 +283,9 @@ def report(
     fit : FitRecord, Fits, str or Path, or a sequence of these types
         Fits of these datasets.
     assets : str or Path
-        Folder for all figures as SVG and PDF, and all tables as CSV and LaTeX; None to write no folder.
+        Folder for the figures (SVG, PDF) and the tables (CSV, LaTeX).
     workers : int
-        Number of processes that compute in parallel if there are several datasets.
+        Number of parallel processes for several datasets.
     force : bool
         Replace existing files.
 
@@ -390,7 +390,7 @@ def export(
     bulk_ratio : float
         Bulk modulus divided by initial shear modulus, to be given in place of ``bulk_modulus_kPa``.
     output : str or Path
-        File for the card; None to write no file.
+        File to write with the card.
     force : bool
         Replace an existing file.
 
