@@ -21,7 +21,7 @@ from eimi_drivers.emulators.faults import Fault
 from eimi_drivers.emulators.keithley import Keithley2260BDialect
 from eimi_drivers.emulators.korad import KoradDialect
 from eimi_drivers.emulators.owon import OwonSpeDialect
-from eimi_drivers.emulators.scpi_families import KepcoBopDialect, KeysightE36312ADialect
+from eimi_drivers.emulators.scpi_families import KepcoBit4886Dialect, KepcoBopDialect, KeysightE36312ADialect
 from eimi_drivers.emulators.sensors import EmulatedQuantity, SensorDialect, SensorFault, emulate_sensor
 from eimi_drivers.emulators.session import EmulatedSession
 from eimi_drivers.emulators.supply import CoilSupply
@@ -247,6 +247,12 @@ def test_the_resistance_at_rest_is_a_mean_of_spaced_readings() -> None:
     assert coil.identify().text == "copper coil, 20 °C at rest"
 
 
+def test_a_coil_is_a_thermometer_from_a_fifth_of_its_current_at_rest_upwards() -> None:
+    coil, _ = thermometer(*[(2.0, 0.5)] * 10, (0.4 * 1.0393, 0.0999), (0.4 * 1.0393, 0.1), (-0.4 * 1.0786, -0.1))
+    coil.measure_at_rest(lambda: None)
+    assert [coil.read().value for _ in range(3)] == pytest.approx([20.0, 30.0, 40.0])
+
+
 @pytest.mark.parametrize(("voltage_V", "current_A"), [(0.0, 0.5), (2.0, 0.0), (-2.0, 0.5)])
 def test_a_resistance_that_is_not_positive_is_refused(voltage_V: float, current_A: float) -> None:
     coil, _ = thermometer(*[(voltage_V, current_A)] * 50)
@@ -261,6 +267,21 @@ def test_a_resistance_that_is_not_positive_is_refused(voltage_V: float, current_
 
 def talk(dialect: Any, *messages: str, end: str = "\n") -> list[str]:
     return [dialect.receive((message + end).encode()).decode().strip() for message in messages]
+
+
+def test_a_kepco_refuses_negative_limits_and_limits_above_its_rating() -> None:
+    coil = CoilSupply(SimulatedClock())
+    bit, bop = KepcoBit4886Dialect(coil), KepcoBopDialect(coil)
+    assert bit.commands["CURR"]("0")  # in voltage mode, CURR is the largest current
+    assert not bit.commands["CURR"]("-0.001")
+    for side in ("POS", "NEG"):
+        limit, bound = bop.commands[f"CURR:LIM:{side}"], bop.commands[f"VOLT:PROT:{side}"]
+        assert limit("0")
+        assert limit(str(coil.max_current_A))
+        assert not limit("-0.001")
+        assert not limit(str(coil.max_current_A + 0.001))
+        assert bound("0")
+        assert not bound("-0.001")
 
 
 def coil_at(**options: Any) -> CoilSupply:

@@ -16,7 +16,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from eimi_drivers.clock import SimulatedClock
 from eimi_drivers.interfaces import AnotherSupply, Frame, Identity, InstrumentError, InstrumentTimeout, Reading
+from eimi_drivers.sensors.coil_thermometer import CoilThermometer
 from eimi_drivers.supplies import SUPPLIES
 from eimi_lab.acquisition import added_driver, coil_calibration, conditioning, guardian_process, open_bench, resuming
 from eimi_lab.acquisition import ring_downs as ring_downs_module
@@ -26,6 +28,7 @@ from eimi_lab.acquisition.event_lines import sending_events
 from eimi_lab.acquisition.events import EmulatedSupplyGone, Event, ShapeChange, Warned
 from eimi_lab.acquisition.guardian import Ward
 from eimi_lab.acquisition.run import check_request
+from eimi_lab.acquisition.sensing import Sensing
 from eimi_lab.acquisition.settling import wait_until_settled
 from eimi_lab.config.calibration import load_calibration
 from eimi_lab.config.protocol import Conditioning, Ramp, RingDown, Settle
@@ -58,6 +61,19 @@ def test_a_thermometer_of_the_coil_uses_no_more_than_the_stricter_limit(setup: A
     check(limit_A)
     with pytest.raises(InputError, match=rf"at_rest_A = .* of the sensor coil should be at most {limit_A:g} A, the sm"):
         check(limit_A + 0.01)
+
+
+def test_a_coil_as_thermometer_is_measured_once_its_current_is_reached() -> None:
+    steps: list[Any] = []
+    clock = SimulatedClock()
+    thermometer = CoilThermometer(lambda: Reading(0.5, 2.0), clock, 20.0, 0.5)
+    thermometer.measure_at_rest = lambda between: steps.append("measured")  # type: ignore[method-assign]
+    coil = SimpleNamespace(
+        ramp_to=lambda current_A, stop: steps.append(current_A), wait_until_reached=lambda stop: steps.append("reached")
+    )
+    others = [SimpleNamespace(sensor=SimpleNamespace()), SimpleNamespace(sensor=thermometer)]
+    Sensing(others, clock).measure_at_rest(coil, print)  # type: ignore[arg-type]
+    assert steps == [0.5, "reached", "measured", 0.0]
 
 
 def test_a_dry_run_tells_its_load_cycles_and_sensors(setup: Any) -> None:

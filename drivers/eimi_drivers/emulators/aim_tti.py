@@ -102,7 +102,7 @@ class AimTtiDialect:
             for message in line.decode("latin-1").upper().split(";"):
                 if message.strip():
                     answers.append(self._answer(message.strip()))
-        return b"".join(answer.encode("ascii") + b"\r\n" for answer in answers if answer)
+        return b"".join(answer.encode("ascii") + b"\r\n" for answer in answers if answer != "")
 
     def _answer(self, message: str) -> str:
         self._note_limits()

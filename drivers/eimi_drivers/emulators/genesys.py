@@ -51,7 +51,7 @@ class GenesysDialect:
         """Receive bytes, obey the messages in complete lines, and return the answers."""
         *lines, self._unfinished = (self._unfinished + data).split(b"\r")
         answers = (self._answer(line.decode("latin-1").strip()) for line in lines)
-        return b"".join(answer.encode("ascii") + b"\r" for answer in answers if answer)
+        return b"".join(answer.encode("ascii") + b"\r" for answer in answers if answer != "")
 
     def _answer(self, line: str) -> str:
         line = self._last = self._last if line == "\\" else line

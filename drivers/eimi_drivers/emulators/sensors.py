@@ -93,7 +93,7 @@ class SensorDialect:
         """Receive bytes, and return the answers to the complete queries."""
         *queries, self._pending = (self._pending + data).split(b"\n")
         answers = (self._answer(query.decode("ascii", "replace").strip()) for query in queries)
-        return b"".join(answer.encode("ascii") + self.ends_with for answer in answers if answer)
+        return b"".join(answer.encode("ascii") + self.ends_with for answer in answers if answer != "")
 
     def _answer(self, query: str) -> str:
         return self.identification if query == "*IDN?" else self.answer(query)

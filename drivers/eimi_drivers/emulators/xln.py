@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 
 from eimi_drivers.emulators.supply import CoilSupply
 from eimi_drivers.emulators.trip_level import TripLevel
@@ -51,7 +52,7 @@ class XlnDialect:
         """Receive bytes, obey the messages in complete lines, and return the answers."""
         *lines, self._unfinished = (self._unfinished + data).split(b"\n")
         answers = (self._answer(line.decode("latin-1").strip().upper()) for line in lines)
-        return b"".join(answer.encode("ascii") + b"\r\n" for answer in answers if answer)
+        return b"".join(answer.encode("ascii") + b"\r\n" for answer in answers if answer != "")
 
     def _answer(self, line: str) -> str:
         if line in self._questions:
@@ -60,10 +61,8 @@ class XlnDialect:
         if header == "CLR":
             self.supply.clear_trip()
         elif header in self._commands:
-            try:
+            with suppress(ValueError):
                 self._commands[header](float(argument))
-            except ValueError:
-                return ""
         return ""
 
     def _status(self) -> str:
