@@ -7,11 +7,13 @@ from typing import Any
 
 import pytest
 
+from eimi_drivers.cameras import CAMERAS
 from eimi_drivers.clock import SimulatedClock
 from eimi_drivers.emulators import emulate, sensor_session
 from eimi_drivers.emulators.sensor_session import EmulatedSensorSession
 from eimi_drivers.emulators.sensors import EmulatedQuantity, SensorFault
 from eimi_drivers.emulators.supply import CoilSupply
+from eimi_drivers.interfaces import UnknownDriver
 from eimi_drivers.sensors import SENSORS
 from eimi_drivers.supplies import SUPPLIES, transport, visa
 
@@ -143,3 +145,21 @@ def test_an_xln_names_the_over_voltage_protection_only_above_its_level(set_V: st
     assert line.receive(b"STATUS?\r\n") == b"000080\r\n"
     coil.trip()
     assert line.receive(b"STATUS?\r\n") == f"{status:06X}\r\n".encode()
+
+
+@pytest.mark.parametrize(("seconds", "drifted_A"), [(0.5, 1.3), (1.0, 1.8), (2.0, 2.4)])
+def test_a_current_drifts_by_1_A_per_s(seconds: float, drifted_A: float) -> None:
+    coil = CoilSupply(SimulatedClock())
+    coil.set_voltage(12.0)
+    coil.set_current(0.8)
+    coil.switch(True)
+    coil.clock.sleep(10.0)
+    coil.drift(2.4)
+    coil.clock.sleep(seconds)
+    assert coil.coil_current_A() == pytest.approx(drifted_A, abs=1e-6)
+
+
+@pytest.mark.parametrize(("drivers", "kind"), [(SUPPLIES, "supply"), (CAMERAS, "camera"), (SENSORS, "sensor")])
+def test_an_unknown_driver_is_told_its_kind(drivers: Any, kind: str) -> None:
+    with pytest.raises(UnknownDriver, match=f"^there is no {kind} driver 'nonesuch'; the names are: "):
+        drivers["nonesuch"]

@@ -13,7 +13,9 @@ import pytest
 from numpy.typing import NDArray
 
 from eimi_fitting.time.measured import Motion
+from eimi_lab.config.csv_tables import Column
 from eimi_lab.config.specimen import load_specimen
+from eimi_lab.dataset import state_loads
 from eimi_lab.dataset.logged_sensor import LoggedSensor, SensorLog
 from eimi_lab.dataset.measured_field import field_line, measured_line
 from eimi_lab.dataset.measured_heating import MeasuredHeating, coil_heating, measured_heating
@@ -23,8 +25,10 @@ from eimi_lab.dataset.moving.clicked_line import clicked_calibration, clicked_fr
 from eimi_lab.dataset.moving.film import Film
 from eimi_lab.dataset.moving.motion_facts import MotionFacts
 from eimi_lab.dataset.moving.recording_checks import LOST, SLOW, flagged_lines, recordings_in_words
+from eimi_lab.dataset.tracked import points_csv
 from eimi_lab.dataset.tracked.axes import Placing
 from eimi_lab.dataset.tracked.tracks import Tracks
+from eimi_lab.fits import tensile_files
 from eimi_lab.process.errors import InputError
 
 Array = NDArray[np.float64]
@@ -426,6 +430,26 @@ def test_clicked_points_give_scale_clamp_and_direction() -> None:
     changes = {"picture": {"along_px": [(0.0, 0.0), (300.0, 0.0)]}, "pixels_per_mm": 12.0, "axis_angle_deg": 3.0}
     changed = clicked_from_changes(changes, SPECIMEN, "v.mp4")
     assert (changed.pixels_per_mm, changed.axis_angle_deg) == (12.0, 3.0)
+    with pytest.raises(InputError, match=r"^v\.mp4: --along has 1 points; give two to six"):
+        clicked_from_changes({"picture": {"along_px": [(0.0, 0.0)]}}, SPECIMEN, "v.mp4")
+
+
+@pytest.mark.parametrize(
+    "columns",
+    [
+        *(motion_csv.TIME_COLUMNS, motion_csv.POINT_COLUMNS, points_csv.COLUMNS, points_csv.OPTIONAL_COLUMNS),
+        *(state_loads.FRAME_COLUMNS, state_loads.UNTIL_COLUMNS, state_loads.STATE_COLUMNS, state_loads.LOAD_COLUMNS),
+        tensile_files.COLUMNS,
+    ],
+)
+def test_a_column_has_a_meaning_in_a_sentence_and_an_example_of_a_cell(columns: dict[str, Column]) -> None:
+    for name, column in columns.items():
+        assert column.meaning.endswith(".")
+        assert " " in column.meaning
+        assert column.example
+        assert not column.default.endswith(".")
+        assert " " not in column.example
+        assert name == "point" or column.example == "shot_07.png" or float(column.example) >= 0.0
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,7 @@ from eimi_lab.dataset.layout import Header
 from eimi_lab.dataset.logged_sensor import LoggedSensor
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.dataset.recordings import Moment
-from eimi_lab.dataset.repair import blocks, probing
+from eimi_lab.dataset.repair import blocks, metadata, probing
 from eimi_lab.dataset.repair.checksums import fletcher32, lookup3
 from eimi_lab.dataset.repair.chunks import mend_chunks
 from eimi_lab.dataset.repair.mended_file import MendedFile
@@ -117,6 +117,43 @@ def test_the_checksum_of_a_header_and_its_length_are_mended(finished: Path) -> N
             assert mend_metadata(file) == 1
             assert file.bytes_at(0, file.size) == raw
             file.close()
+
+
+@pytest.mark.parametrize(
+    ("flags", "at", "width"),
+    [(0x00, 6, 1), (0x01, 6, 2), (0x02, 6, 4), (0x03, 6, 8), (0x10, 10, 1), (0x20, 22, 1), (0x33, 26, 8)],
+)
+def test_the_length_of_a_header_is_after_its_times_and_its_numbers_of_attributes(
+    flags: int, at: int, width: int
+) -> None:
+    # HDF5 File Format Specification 3.0, IV.A.1.b: four times of 4 bytes with flag 0x20, two numbers with flag 0x10.
+    head = b"OHDR" + bytes([2, flags]) + bytes(at - 6) + (40).to_bytes(width, "little") + bytes(40)
+    assert metadata._header_length(head) == at + width + 40 + 4
+    assert metadata._header_length(b"OHDR" + bytes([1, flags]) + head[6:]) == 0
+    assert metadata._header_length(head[:33]) == 0
+    assert metadata._header_length(head[:34]) > 0
+
+
+@pytest.mark.parametrize("flags", [0, 4])
+def test_the_blocks_that_continue_a_header_are_found(flags: int) -> None:
+    prefix = 6 if flags else 4
+    blocks = [(7, b"abc"), (16, (1234).to_bytes(8, "little") + (56).to_bytes(8, "little")), (1, b"")]
+    blocks.append((16, (99).to_bytes(8, "little") + (8).to_bytes(8, "little")))
+    messages = b"".join(
+        bytes([kind]) + len(body).to_bytes(2, "little") + bytes(prefix - 3) + body for kind, body in blocks
+    )
+    assert list(metadata._continuations(messages, flags)) == [(1234, 56), (99, 8)]
+    assert list(metadata._continuations(b"", flags)) == []
+
+
+def test_a_block_of_names_without_a_readable_heap_is_left_alone(tmp_path: Path) -> None:
+    content = b"FHDB\0" + (20).to_bytes(8, "little") + bytes(7) + b"FRHP" + bytes(200)
+    (tmp_path / "heap.bin").write_bytes(content)
+    file = MendedFile(tmp_path / "heap.bin")
+    assert metadata._mend_heap(file, 0) == 0  # the heap has no checksums of its names
+    assert metadata._mend_heap(file, 60) == 0  # the heap would be outside the file
+    assert file.patches == {}
+    file.close()
 
 
 def test_sound_metadata_are_left_alone(finished: Path) -> None:

@@ -263,7 +263,7 @@ class Bending:
     ("ratios", "drifts", "pairs", "took_s"),
     [
         ([1.0] * 30, [1.0] * 30, 3, 0.625),
-        ([9.0, 9.0, 1.0, 1.0, 1.0, 1.0, 1.0], [1.0] * 30, 3, 0.75),
+        ([9.0, 9.0, 1.0, 1.0, 1.0, 1.0, 1.0], [1.5] * 30, 3, 0.75),
         ([9.0, 9.0, 9.0, 9.0, 9.0, 1.0, 1.0, 1.0, 1.0], [1.0] * 30, 3, 1.125),
         ([1.0] * 30, [9.0, 9.0, 1.0, 1.0, 1.0], 3, 0.875),
         ([2.0] * 30, [2.0] * 30, 3, 0.625),
@@ -299,6 +299,8 @@ def test_a_beam_is_at_rest_after_quiet_pairs_and_without_drift(
     else:
         assert values[-1] == ()
         assert clock.s == pytest.approx(took_s)
+        assert (settled.ratio, settled.drift_ratio) == (ratios[-1], drifts[-1])
+        assert settled.waited_s == pytest.approx(took_s)
     assert camera.flushed == 1
 
 

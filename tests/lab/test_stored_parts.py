@@ -6,7 +6,7 @@ import errno
 import math
 import os
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from datetime import UTC, datetime
 from pathlib import Path
 from types import SimpleNamespace
@@ -19,10 +19,12 @@ import pytest
 from numpy.typing import NDArray
 
 from eimi_drivers.interfaces import SensorReading
+from eimi_lab.config.calibration import Calibration
 from eimi_lab.config.csv_tables import Row
 from eimi_lab.config.specimen import load_specimen
 from eimi_lab.dataset import (
     default_plots,
+    importing,
     labelled,
     listing,
     lost_name,
@@ -30,6 +32,7 @@ from eimi_lab.dataset import (
     recordings,
     restating,
     rewriting,
+    stored_edges,
     stored_frames,
     videos,
 )
@@ -37,6 +40,7 @@ from eimi_lab.dataset.frame_chunk import append_image
 from eimi_lab.dataset.frame_stream import FrameStream
 from eimi_lab.dataset.layout import (
     FRAME_COLUMNS,
+    START_ATTRIBUTE,
     STATE_COLUMNS,
     Header,
     append,
@@ -182,6 +186,7 @@ def test_sensors_give_the_field_and_the_temperature_of_a_state(entry: h5py.Group
     assert first.state.tolist() == [0, 1, 1]
     assert sensor_names(entry) == ("probe", "skin")
     place = entry["sample/environment/probe"]
+    assert get_text(entry["sample/environment"], "name") == "sensors of the bench"
     assert get_text(place, "measurement") == "magnetic_field"
     assert [place["value_log"][name].attrs["units"] for name in ("time", "value", "value_errors")] == ["s", "mT", "mT"]
     assert get_text(entry["sample/environment/skin"], "measurement") == "temperature"
@@ -1112,3 +1117,35 @@ def test_the_images_of_a_listing_are_read_in_order(tmp_path: Path, monkeypatch: 
     assert list(listing.Listing(PATH, frames).images()) == [(PATH, 3), (PATH, 7)]
     monkeypatch.setattr(listing, "read_image", lambda path: path.name)
     assert list(listing.Listing(tmp_path, frames).images()) == ["3", "7"]
+
+
+# Before an import, and after a segmentation
+
+
+@pytest.mark.parametrize(
+    ("changes", "problem"),
+    [
+        ({"picture": {"region_px": (0, 0, 641, 400)}}, r"region_px = .* should lie in the pictures of 640 x 400 px$"),
+        ({"picture": {"region_px": (0, 0, 640, 400)}}, ""),
+        ({"clamp_midpoint_px": (-0.6, 100.0)}, r"frame\.png: is 640 x 400 px; clamp_midpoint_px = .* is outside"),
+        ({"clamp_midpoint_px": (639.6, 100.0)}, r"frame\.png: is 640 x 400 px; clamp_midpoint_px = .* is outside"),
+        ({"clamp_midpoint_px": (100.0, -0.6)}, "is outside this picture"),
+        ({"clamp_midpoint_px": (100.0, 399.6)}, "is outside this picture"),
+        ({"pixels_per_mm": 81.0}, "which does not fit: correct pixels_per_mm"),
+    ],
+)
+def test_a_picture_that_cannot_show_the_beam_is_refused_before_an_import(changes: Any, problem: str) -> None:
+    values = {"pixels_per_mm": 8.0, "clamp_midpoint_px": (100.0, 100.0), "axis_angle_deg": 0.0}
+    calibration = Calibration(gravity_angle_deg=90.0, **values | changes)
+    with pytest.raises(InputError, match=problem) if problem else nullcontext():
+        importing._check_against_picture(Path("frame.png"), SPECIMEN, calibration, 640, 400)
+
+
+def test_a_run_without_an_end_gets_no_end_time(entry: h5py.Group) -> None:
+    state_table(entry)
+    put_text(entry, "end_time", "")
+    stored_edges._comply_with_definition(entry)
+    assert "end_time" not in entry
+    assert entry["states"].attrs[START_ATTRIBUTE] == b"2026-01-02T03:04:05+00:00"
+    assert get_text(entry, "start_time") == "2026-01-02T03:04:05+00:00"
+    assert get_text(entry, "definition")
