@@ -110,7 +110,7 @@ def test_the_cause_taper_undoes_both_measured_modes_of_the_width():
     observed = EdgeObservation(np.zeros((len(LOADS), 2, 3, 2)), np.full((len(LOADS), 2, 3), NOISE_MM))
     experiment = Experiment(BeamModel(measured), LOADS, observed)
     assumed = Assumed(LAWS["neo-hookean"], np.array([[TRUTH_PA]]), None, experiment)
-    stated = _possible("taper").change(assumed, -np.array([0.04, 0.0225])).bent.model.specimen
+    stated = _possible("taper").change(assumed, -np.array([0.04, 0.0225])).with_errors.model.specimen
     widths = np.array(stated.rest_shape.widths)[:, 1]
     assert widths == pytest.approx(np.zeros(len(widths)), abs=1e-12)
 

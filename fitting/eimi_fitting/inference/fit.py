@@ -81,9 +81,9 @@ class Fit(IdentifiedLaw):
     error_mm, deviation_mm : ndarray, shape (K,)
         For each load state, in mm: the root mean square distance of measured from simulated points, and the standard
         deviation of these distances.
-    residuals_mm : tuple of ndarray, shape (K, G, m)
-        Residuals in mm of each experiment, at m neighbouring points on each of G edges (or in x and y) in K states; NaN
-        for points that were not measured.
+    residuals_mm : tuple of ndarray, shape (K, 2, m)
+        Residuals in mm of each experiment in K states, at m points of the two edges or in x and y of m tracked points;
+        NaN for points that were not measured.
     curves : tuple of TensileEvidence
         The tensile curves with their noise.
     curve_rmse_Pa : tuple of float

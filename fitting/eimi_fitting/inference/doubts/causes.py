@@ -92,8 +92,8 @@ class Weighed:
         Names of the errors in the most probable set.
     beside_the_fit : float
         Probability of any error that is not in ``in_the_fit``.
-    remaining : tuple of ndarray, shape (K, G, m), or None
-        Residuals at m points of each of G edges after a correction for the most probable set, in mm.
+    remaining : tuple of ndarray, shape (K, 2, m), or None
+        Residuals at m points of the two edges after a correction for the most probable set, in mm.
     as_stated : float
         Probability that no bench error is present.
     """
@@ -125,7 +125,7 @@ def weighed_causes(
     if not columns_by_cause:
         return Weighed((), frozenset(), {})
     weighing = Weighing(about, effects, stated_columns(about, possible), columns_by_cause)
-    posterior = weighing.posterior()
+    posterior = weighing.evidence_of_sets()
     of_causes = weighing.classes(posterior)
     score = shared_equally(
         posterior.log_evidence + weighing.log_prior, weighing.hypotheses, weighing.is_uncertain, of_causes

@@ -35,7 +35,7 @@ def _softened(loads: Loads, stiffness: Array) -> Loads:
 
 
 def _crept(loads: Loads, amplitudes: Array) -> Loads:
-    """Return the loads for a beam that steadily loses the share ``amplitudes[0]`` of its stiffness during the run."""
+    """Increase the loads as if the beam steadily lost the share ``amplitudes[0]`` of its stiffness during the run."""
     return _softened(loads, 1 - amplitudes[0] * np.linspace(0, 1, len(loads)))
 
 
@@ -54,7 +54,7 @@ def directions_of_change(loads: Loads) -> Array:
 
 
 def _lagging(loads: Loads, amplitudes: Array) -> Loads:
-    """Return the loads for a beam that is softer by the share ``amplitudes[0]`` after a decrease of the load."""
+    """Increase the loads as if the beam were softer by the share ``amplitudes[0]`` after each decrease of the load."""
     return _softened(loads, 1 - amplitudes[0] * (directions_of_change(loads) < 0))
 
 

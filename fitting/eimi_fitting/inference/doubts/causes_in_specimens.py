@@ -32,7 +32,8 @@ def _untwisted(assumed: Assumed, amplitudes: Array) -> Assumed:
     """Return the assumptions of a fit, with edges that are corrected for a twist of the beam by its magnet."""
     # The amplitude is the angle between the magnetic moment and the plane of the picture.
     law, parameters, angle_deg = assumed.law, assumed.parameters, float(amplitudes[0])
-    return replace(assumed, experiment=without_twist(assumed.experiment, assumed.bent, law, parameters, angle_deg))
+    experiment = without_twist(assumed.experiment, assumed.with_errors, law, parameters, angle_deg)
+    return replace(assumed, experiment=experiment)
 
 
 _AS_TERMS: dict[str, tuple[tuple[str, ...], tuple[float, ...]]] = {

@@ -230,7 +230,11 @@ def doubts(
     is_named: bool = False,
     is_as_stated: bool = False,
 ) -> tuple[Doubt, ...]:
-    """Return the warnings about a fit that follow from its residuals."""
+    """Return the warnings about a fit that follow from its residuals.
+
+    missing: a sentence for each missing correction. is_named: whether another warning names a cause of the residuals.
+    is_as_stated: whether errors of inputs within their stated uncertainties explain the residuals.
+    """
     result: list[Doubt] = []
     for index, (experiment, misfit) in enumerate(zip(experiments, final.misfits, strict=True)):
         result += [Doubt(words, index, kind="correction_missing") for words in missing]

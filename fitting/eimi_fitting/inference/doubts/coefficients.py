@@ -1,4 +1,4 @@
-"""Collect the unknown numbers that may explain the residuals of a fit, such as the sizes of bench errors."""
+"""Collect the unknowns that may explain the residuals of a fit, such as the sizes of bench errors."""
 
 from __future__ import annotations
 
@@ -22,26 +22,26 @@ _CORNERS_MM = 0.01
 
 @dataclass(frozen=True)
 class Coefficients:
-    """The C unknown numbers that may explain the residuals of a fit, and how each of them changes the residuals.
+    """The C unknowns that may explain the residuals of a fit, and how each of them changes the residuals.
 
-    The list contains changes of the law, errors of inputs, errors of the beam model, and sizes of bench errors.
+    They are, in this order: changes of the law, errors of inputs, errors of the beam model, and sizes of bench errors.
 
     Parameters
     ----------
     rows : ndarray, shape (C + 1, N)
-        Change of the N polynomial coefficients of the residuals by one prior standard deviation of each number, in mm.
-        The last row is zero.
+        Change of the N polynomial coefficients of the residuals by one prior standard deviation of each unknown, in
+        mm. The last row is zero and belongs to no unknown.
     scale : ndarray, shape (C + 1,)
-        Prior standard deviation of each number.
+        Prior standard deviation of each unknown, then 1.
     law, simulated, common : int
-        Position in the list after the last change of the law, the last error of an input, and the last error of the
+        Number of unknowns up to the last change of the law, the last error of an input, and the last error of the
         beam model.
     of_inputs, of_causes : list of list of int
-        Indices of the numbers of each input, and of each bench error.
+        Indices of the unknowns of each input, and of each bench error.
     columns : list of Column
         Descriptions of the errors of inputs and of the bench errors.
     remaining : ndarray, shape (E, N)
-        Change of the coefficients by each of E errors that better beam models leave, in mm.
+        Change of the coefficients by the error that remains with each of E accurate beam models, in mm.
     """
 
     rows: Array
@@ -62,7 +62,7 @@ class Coefficients:
         stated: Mapping[PossibleCause, Sequence[Column]],
         columns_by_cause: Mapping[PossibleCause, Sequence[Column]],
     ) -> Coefficients:
-        """Collect the unknown numbers, with their effects on the residuals and their prior standard deviations."""
+        """Collect the unknowns that may explain the residuals, with their effects and prior standard deviations."""
         # The error of the meshes is largest in the corners at the clamp, where it acts as a softer or stiffer clamp.
         corners = [c for cause, columns in columns_by_cause.items() if cause.name == "clamp_softness" for c in columns]
         inputs, of_causes = ([c for cs in some.values() for c in cs] for some in (stated, columns_by_cause))
@@ -98,12 +98,12 @@ class Coefficients:
         )
 
     def column(self, row: int) -> Column:
-        """Return the description of the error of an input or of the bench error with the index ``row``."""
+        """Return the effect of the unknown with the index ``row``: an error of an input, or a bench error."""
         return self.columns[row - self.law if row < self.common else row - self.law - self.common + self.simulated]
 
 
 def _blocks(columns: Iterable[Sequence[Column]], first: int) -> list[list[int]]:
-    """Return consecutive indices from ``first``: one list for each element of ``columns``."""
+    """Return consecutive indices from ``first``: for each element of ``columns``, a list of the same length."""
     blocks = []
     for some in columns:
         blocks.append(list(range(first, first + len(some))))

@@ -57,13 +57,13 @@ class Projection:
             parts.append(np.einsum("kl,gh,...kgd->...lhd", turn, mix, along).reshape(*lead, -1))
         return np.concatenate(parts, axis=-1)
 
-    def smooth(self, moves: Array) -> Array:
-        """Return the variances (mm^2) of the N coefficients due to an error that varies smoothly along an edge."""
+    def smooth(self, changes: Array) -> Array:
+        """Return the variances (mm^2) of N polynomial coefficients due to a smooth error as large as ``changes``."""
         parts, first = [], 0
         for basis in self.bases:
             here = slice(first, first := first + basis.shape[0] * basis.shape[1] * basis.shape[3])
             # Only the root mean square of a change is used: how it varies along an edge is unknown, but smooth.
-            parts.append(self.error[here] * ((moves[:, here] ** 2).sum() / max(float((basis**2).sum()), 1e-9)))
+            parts.append(self.error[here] * ((changes[:, here] ** 2).sum() / max(float((basis**2).sum()), 1e-9)))
         return np.concatenate(parts)
 
 
@@ -72,8 +72,8 @@ def projection(experiments: Sequence[Experiment], residuals: Sequence[Array], us
 
     Parameters
     ----------
-    residuals, used : sequence of ndarray, shape (K, G, m)
-        Residuals in mm, and weights that are positive for the points to use.
+    residuals, used : sequence of ndarray, shape (K, 2, m)
+        Residuals in mm at m points of the two edges, and weights that are positive for the points to use.
     """
     bases, turns, mixes, noises, errors = [], [], [], [], []
     for experiment, residual, weights in zip(experiments, residuals, used, strict=True):

@@ -44,8 +44,8 @@ class Assumed:
     deviations: tuple[tuple[str, int, float], ...] = ()
 
     @property
-    def bent(self) -> Experiment:
-        """The experiment after the addition of those errors that change the specimen, the loads or the lens."""
+    def with_errors(self) -> Experiment:
+        """The experiment with those of the ``deviations`` that change the specimen, the loads or the lens."""
         parts: dict[str, Array] = {}
         for source, part, value in self.deviations:
             if SOURCES[source].changes_experiment:
@@ -63,7 +63,7 @@ Change = Callable[[Assumed, Array], Assumed]
 
 @dataclass(frozen=True)
 class PossibleCause:
-    """One bench error, described by one or more numbers, such as a shift in x and in y.
+    """One bench error, with one or more components, such as a shift in x and in y.
 
     Attributes
     ----------
@@ -72,9 +72,9 @@ class PossibleCause:
     words : str
         Name of the error for people.
     unit : str
-        Unit of the numbers; ``"1"`` for a share.
+        Unit of the components; ``"1"`` for a share.
     sizes : tuple of float
-        Usual size (standard deviation) of each number in a laboratory.
+        Usual size (standard deviation) of each component in a laboratory.
     change : callable or None
         Function that adds an error of some size to the assumptions of a fit.
     decide_by : str
@@ -86,7 +86,7 @@ class PossibleCause:
     is_common : bool
         Whether all datasets share the error.
     shown : int or None
-        How many numbers the reported size contains; None for all.
+        How many components the reported size contains; None for all.
     """
 
     name: str
@@ -110,8 +110,8 @@ class PossibleCause:
 def by_sources(*parts: Mapping[tuple[str, int], float]) -> Change:
     """Return a function that adds errors of inputs to the assumptions of a fit.
 
-    For each number of the bench error, ``parts`` has a mapping from an input and one of its components, such as
-    ``("clamp", 0)`` for the x of the clamp, to the error of this component for a bench error of the size 1.
+    ``parts`` contains one mapping for each component of the bench error: the errors of inputs if this component has the
+    size 1. For example, ``{("clamp", 0): 1.0}`` is an error of 1 mm in the x of the clamp.
     """
 
     def change(assumed: Assumed, amplitudes: Array) -> Assumed:

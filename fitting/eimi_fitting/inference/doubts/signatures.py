@@ -50,8 +50,8 @@ class Column:
         Prior standard deviation of the component.
     start : float
         Value of the component in the fit.
-    changes : tuple of ndarray, shape (K, G, m), or None
-        Change of the residuals of each experiment in mm per unit of the component.
+    changes : tuple of ndarray, shape (K, 2, m), or None
+        Change of the residuals of each experiment in mm per unit of the component, at m points of the two edges.
     """
 
     part: int
@@ -63,7 +63,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Solved:
-    """A simulation of one experiment: the assumptions, the bent beam and the residuals."""
+    """A simulation of one experiment: assumptions, experiment with errors, shapes of the beam and residuals in mm."""
 
     assumed: Assumed
     bent: Experiment
@@ -80,7 +80,7 @@ class Solved:
 
     @staticmethod
     def _of(assumed: Assumed, before: Solved | None) -> Solved | None:
-        bent, setup = assumed.bent, assumed.setup
+        bent, setup = assumed.with_errors, assumed.setup
         if before is not None and _bends_alike(assumed, bent, before):
             shapes = before.shapes
         else:
@@ -151,7 +151,7 @@ class About:
     residuals : tuple of ndarray, shape (K, G, m)
         Residuals of each experiment at the optimum, in mm.
     used, in_error : tuple of ndarray, shape (K, G, m)
-        Positive weights of the points in the comparison, and in the root mean square residuals.
+        Weights of the points to compare bench errors (zero near clamp and tip), and for root mean square residuals.
     solved : tuple of Solved
         Simulation of each experiment at the optimum.
     """
@@ -226,7 +226,7 @@ class About:
     def simulated(
         self, moved: Array, amplitudes: Mapping[PossibleCause, Sequence[tuple[Column, float]]]
     ) -> list[Array] | None:
-        """Simulate the residuals of each experiment in mm, (K, G, m), for a changed law and some bench errors.
+        """Simulate the residuals of each experiment in mm, (K, 2, m), for a changed law and some bench errors.
 
         Parameters
         ----------

@@ -61,7 +61,7 @@ class Exact:
 
 
 class Weighing:
-    """The comparison of all sets of at most two bench errors that may explain the residuals."""
+    """The comparison of all sets of at most two bench errors, such as a wrong scale, that may explain the residuals."""
 
     def __init__(
         self,
@@ -120,9 +120,11 @@ class Weighing:
         return len(columns) if shown is None else sum(column.part < shown for column in columns) or len(columns)
 
     def alone(self, best: int) -> slice:
-        """Return the positions, in the list of all sets, of the sets that contain at most one bench error."""
-        # With uncertain inputs, the list has every set twice: without and with errors of these inputs. The result
-        # is the half that contains the set `best`.
+        """Return the positions, in the list of all sets of bench errors, of the sets with at most one error.
+
+        If inputs are uncertain, the list contains every set twice. The positions are in the same half as ``best``.
+        """
+        # One half is without, and the other half with errors of these inputs.
         first = self.is_uncertain[best] * (len(self.hypotheses) // len(self._members))
         return slice(first, first + 1 + len(self._causes))
 
@@ -151,11 +153,11 @@ class Weighing:
         return self.blocks[cause][: self.shown(cause)]
 
     def scale(self, rows: Sequence[int]) -> Array:
-        """Return the prior standard deviations of the unknown numbers with the indices ``rows``."""
+        """Return the prior standard deviations of the unknowns with the indices ``rows``."""
         return self._scale[rows]
 
     def rows_of_inputs(self, cause: int) -> list[int]:
-        """Return the indices of the unknown numbers for the inputs of a bench error, such as the scale."""
+        """Return the indices of those uncertain inputs that may be wrong if a bench error is present."""
         stated_as = self._causes[cause].stated_as
         return [
             row
@@ -165,25 +167,28 @@ class Weighing:
         ]
 
     def squares_of(self, base: int, posterior: Posterior, rows: Sequence[int]) -> float:
-        """Return the sum of squares of the change of the residuals by some wrong inputs, in units of the variance."""
+        """Return the sum of squared changes of the residuals by the errors of some inputs, in units of the variance."""
         change = posterior.means[base, rows] / self._scale[rows] @ self._rows[rows]
         # The variance of noise and unexplained errors.
         variance = self._variance + posterior.error_squared[base] * self._project.error
         return float((change**2 / variance).sum())
 
     def as_cause(self, rows: Sequence[int], amounts: Array, cause: int) -> Array:
-        """Return the size of a bench error that changes the residuals nearly as the errors ``amounts`` of inputs do."""
+        """Return the size at which a bench error changes the residuals most like given errors ``amounts`` of inputs."""
         of_cause, root = self._shown_rows(cause), np.sqrt(self._variance)
         change = amounts / self._scale[rows] @ self._rows[rows] / root
         return np.linalg.lstsq((self._rows[of_cause] / root).T, change, rcond=None)[0] * self._scale[of_cause]
 
     def stated_size(self, cause: int) -> float:
-        """Return the standard uncertainty of a bench error, as files state it, or 0."""
+        """Return the standard uncertainty of a bench error that follows from the stated ones of inputs, or 0."""
         parts = [self.as_cause([row], self._scale[[row]], cause) for row in self.rows_of_inputs(cause)]
         return float(np.linalg.norm(parts)) if parts else 0.0
 
     def if_exact(self, base: int, rows: Sequence[int]) -> Exact:
-        """Return the probability of each bench error outside of the set ``base`` if the inputs ``rows`` are exact."""
+        """Return the probability of each further bench error, beside those of one set, if some inputs are exact.
+
+        base: index of the set. rows: indices of these inputs.
+        """
         hypothesis = self.hypotheses[base]
         causes = [cause for cause in range(len(self._causes)) if cause not in hypothesis]
         hypotheses = [hypothesis, *((*hypothesis, cause) for cause in causes)]
@@ -199,8 +204,8 @@ class Weighing:
             probability[alike] = probability[alike].mean()
         return Exact(causes, probability / probability.sum(), posterior, groups)
 
-    def posterior(self) -> Posterior:
-        """Return the probability density of the residuals for each set of bench errors, and the sizes of the errors."""
+    def evidence_of_sets(self) -> Posterior:
+        """Return the evidence (probability density of the residuals) for each set of bench errors, with their sizes."""
         y = np.tile(-self._project.of(self._stated), (len(self.hypotheses), 1))
         result = self._weigh(y, self._model_error(np.zeros((1, y.shape[1]))))
         simulated_at = np.zeros_like(result.means)  # where the linear model is exact
@@ -235,7 +240,7 @@ class Weighing:
         return result
 
     def _starts(self, result: Posterior, known: NDArray[np.bool_]) -> list[tuple[int, int]]:
-        """Return, for each set of bench errors without a simulation, a simulated subset whose residuals it can use."""
+        """Return pairs: a set of bench errors that was not simulated, and a simulated subset whose data it can use."""
         score = result.log_evidence + self.log_prior
         # Without a correction, a hypothesis that was not simulated seems to agree worse with the data than others. It
         # takes the correction of the most probable simulated hypothesis with a part of its causes. Both must have the
@@ -254,10 +259,10 @@ class Weighing:
                 pairs.append((int(row), int(max(parts, key=lambda part: score[part]))))
         return pairs
 
-    def _model_error(self, moves: Array) -> Array:
-        """Return the variances (mm^2) that errors of the simulation add to the N coefficients of the residuals."""
+    def _model_error(self, changes: Array) -> Array:
+        """Return the variances (mm^2) of N polynomial coefficients due to errors of the simulation of ``changes``."""
         # The error after the corrections by better models, and an error of 1 per cent in each simulated change.
-        of_moves = _OF_MOVE**2 * ((moves**2).sum(axis=0) + self._project.smooth(moves))
+        of_moves = _OF_MOVE**2 * ((changes**2).sum(axis=0) + self._project.smooth(changes))
         return np.asarray(of_moves + self._project.smooth(self._coefficients.remaining))
 
     def _misfit(self, y: Array, amplitudes: Array) -> float:
@@ -265,7 +270,7 @@ class Weighing:
         return float(np.mean((y - (amplitudes / self._scale) @ self._rows) ** 2 / self._project.noise))
 
     def _minimised(self, row: int, amplitudes: Array) -> Array:
-        """Return the unknown numbers that minimise the squares of residuals and prior deviations, from simulations."""
+        """Fit the unknowns of set ``row`` of bench errors by least squares with simulations; return their values."""
         trial = amplitudes.copy()
         trial[self._simulated_common : self._common] = 0.0
         best, least = trial.copy(), np.inf
@@ -299,7 +304,7 @@ class Weighing:
         return best
 
     def _slopes(self, row: int, amplitudes: Array, residual: Array, active: Sequence[int]) -> Array | None:
-        """Return the derivatives of the residuals by the unknown numbers with the indices ``active``, or None."""
+        """Return the derivatives of the residuals by the unknowns ``active`` (indices); None without an equilibrium."""
         slopes = []
         for i in active:
             if self._law <= i < self._common:  # the linear model alone has these amplitudes
@@ -365,7 +370,7 @@ class Weighing:
         return self._about.simulated(amplitudes[: self._law], given)
 
     def remaining(self, row: int, amplitudes: Array) -> tuple[Array, ...] | None:
-        """Simulate the residuals in mm after a correction for a set of bench errors; None without an equilibrium."""
+        """Simulate the residuals in mm after a correction for the bench errors of set ``row``, or return None."""
         residuals = self._simulated(self.hypotheses[row], amplitudes)
         return None if residuals is None else tuple(residuals)
 

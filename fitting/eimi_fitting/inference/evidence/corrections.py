@@ -151,7 +151,7 @@ class Correction:
         return replace(self, better=replace(self.better, shapes=()))
 
     def added(self, experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
-        """Return the experiments with ``changes`` added to their corrections."""
+        """Add the change from the fast to the accurate beam model to the residuals of each experiment."""
         return tuple(
             replace(e, change=change if e.change is None else e.change + change)
             for e, change in zip(experiments, self.changes, strict=True)

@@ -175,12 +175,12 @@ class Comparison:
 
     @property
     def error_mm(self) -> Array:
-        """Root mean square distance of the points in mm, in P simulations and K load cases, shape (P, K)."""
+        """Root mean square distance of measured points from P simulated beams in mm, in K load cases, (P, K)."""
         return np.concatenate([misfit.error_mm for misfit in self.misfits], axis=1)
 
     @property
     def deviation_mm(self) -> Array:
-        """Standard deviation of the absolute distances in mm, in P simulations and K load cases, shape (P, K)."""
+        """Standard deviation of the distances of measured points from P simulated beams in mm, K load cases, (P, K)."""
         return np.concatenate([misfit.deviation_mm for misfit in self.misfits], axis=1)
 
     @property
@@ -231,7 +231,7 @@ def compare(
     setups: Sequence[Setup] | None = None,
     near: Sequence[Shapes] = (),
     keep: bool = False,
-    seen: Sequence[tuple[NDArray[np.intp], Sequence[Mapping[str, Array]]]] = (),
+    by_lens: Sequence[tuple[NDArray[np.intp], Sequence[Mapping[str, Array]]]] = (),
 ) -> Comparison:
     """Simulate all experiments with P sets of the law's parameters, and compute the distances from the measurements.
 
@@ -247,8 +247,8 @@ def compare(
         For each experiment, shapes from which the solver starts.
     keep : bool
         Keep the solution of the first set, for ``near`` in another call.
-    seen : sequence of (ndarray, sequence of mapping), optional
-        Groups of sets with one position of the lens: indices of the sets, and errors of the lens in each experiment.
+    by_lens : sequence of (ndarray, sequence of mapping), optional
+        Groups of sets with equal errors of the lens: the indices of the sets, and these errors in each experiment.
     """
     all_shapes, misfits = [], []
     unconverged, unstable = np.zeros((2, len(parameters)), bool)
@@ -257,7 +257,7 @@ def compare(
         setup = setups[index] if setups else None
         start = near[index].every if near else None
         shapes = _solved(law, parameters, experiment, bulk_modulus_Pa, setup, start, keep)
-        misfit = _misfit(experiment, shapes, setup, [(rows, lenses[index]) for rows, lenses in seen])
+        misfit = _misfit(experiment, shapes, setup, [(rows, lenses[index]) for rows, lenses in by_lens])
         unconverged |= ~np.isin(shapes.status, (Status.CONVERGED, Status.UNSTABLE)).all(axis=1)
         unstable |= (shapes.status == Status.UNSTABLE).any(axis=1)
         stretch = np.maximum(stretch, shapes.max_stretch.max(axis=1))
@@ -277,20 +277,20 @@ def _misfit(
     experiment: Experiment,
     shapes: Shapes,
     setup: Setup | None,
-    seen: Sequence[tuple[NDArray[np.intp], Mapping[str, Array]]],
+    by_lens: Sequence[tuple[NDArray[np.intp], Mapping[str, Array]]],
 ) -> Misfit:
     """Return the distances of the measured points from the simulated edges or points."""
     model, change = experiment.solved, experiment.change
-    if len(seen) < 2:
-        through = experiment.under(seen[0][1]) if seen else experiment
+    if len(by_lens) < 2:
+        through = experiment.under(by_lens[0][1]) if by_lens else experiment
         return through.observed.misfit(model, shapes, setup, change)
     misfits = [
         experiment.under(lens).observed.misfit(
             model, shapes.take(rows), None if setup is None else setup.take(rows), change
         )
-        for rows, lens in seen
+        for rows, lens in by_lens
     ]
-    return joined_misfits(misfits).take(np.argsort(np.concatenate([rows for rows, _ in seen])))
+    return joined_misfits(misfits).take(np.argsort(np.concatenate([rows for rows, _ in by_lens])))
 
 
 def _solved(

@@ -147,7 +147,7 @@ class Misfit:
 
 
 def joined_misfits(misfits: Sequence[Misfit]) -> Misfit:
-    """Join the distances of several groups of parameter sets."""
+    """Join the distances of measured points from the simulated beam, for several groups of parameter sets."""
     return Misfit(
         residuals=np.concatenate([misfit.residuals for misfit in misfits]),
         weights=misfits[0].weights,
@@ -249,7 +249,7 @@ class EdgeObservation:
         return self.of_residuals(residuals if change is None else residuals + change)
 
     def of_residuals(self, residuals: Array) -> Misfit:
-        """Return signed distances of edge points in mm, with their root mean square and deviation (see `Misfit`)."""
+        """Return a `Misfit` with the signed distances ``residuals`` of edge points in mm; compute its other values."""
         weights = np.isfinite(self.sigma_mm).astype(float)
         total = np.maximum(weights.sum(axis=(1, 2)), 1.0)
         distance = np.abs(residuals)
@@ -320,7 +320,7 @@ class PointObservation:
         return self.of_residuals(residuals if change is None else residuals + change)
 
     def of_residuals(self, residuals: Array) -> Misfit:
-        """Return position differences in mm with their root mean square and deviation (see `Misfit`)."""
+        """Return a `Misfit` with the position differences ``residuals`` in mm; compute its other values."""
         is_used = np.isfinite(self.sigma_mm).astype(float)
         distance = np.sqrt((residuals**2).sum(axis=2))
         total = np.maximum(is_used.sum(axis=1), 1.0)

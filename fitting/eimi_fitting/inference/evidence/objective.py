@@ -63,7 +63,7 @@ class Evaluation:
 
     @property
     def standardised(self) -> Array:
-        """The residuals of m tensile points and of f + q priors, in standard deviations, (P, m + f + q)."""
+        """``curves``, ``priors`` and ``law_priors`` side by side, in standard deviations, (P, m + f + q)."""
         return np.concatenate([self.curves, self.priors, self.law_priors], axis=1)
 
     @property
@@ -149,7 +149,10 @@ class Problem:
         return replace(evaluation, comparison=replace(comparison, misfits=misfits))
 
     def nearby(self, independent_points: float) -> Callable[[Array, Evaluation | None], Evaluation]:
-        """Return a function that evaluates sets of unknowns (P, n), with start values from an earlier evaluation."""
+        """Return a function that evaluates sets of unknowns (P, n), with start values from an earlier evaluation.
+
+        independent_points: number of points with independent errors, for the weight of curves and priors.
+        """
         return lambda units, near: self.evaluate(
             units, independent_points, near=near.comparison.near if near else (), keep=True
         )
@@ -194,10 +197,10 @@ class Problem:
                         setups=self.unknowns.setups(unit[rows], len(used)),
                         near=near,
                         keep=keep,
-                        seen=self.unknowns.seen(unit[rows], len(used)),
+                        by_lens=self.unknowns.grouped_by_lens(unit[rows], len(used)),
                     ),
                 )
-                for rows, deviations in self.unknowns.bent(unit, len(used))
+                for rows, deviations in self.unknowns.grouped_by_beam(unit, len(used))
             ]
         )
         none = np.zeros((len(unit), 0))

@@ -327,24 +327,24 @@ class Unknowns:
             for dataset in range(datasets)
         ]
 
-    def bent(self, unit: Array, datasets: int) -> list[tuple[Rows, list[dict[str, Array]]]]:
-        """Group P sets of scaled unknowns (P, n) by their errors of specimen and loads.
+    def grouped_by_beam(self, unit: Array, datasets: int) -> list[tuple[Rows, list[dict[str, Array]]]]:
+        """Group P sets of scaled unknowns (P, n) with equal errors of specimen and loads, to simulate them together.
 
         Returns
         -------
         list of (ndarray, list of dict)
-            For each group, the indices of its sets; for each dataset, the deviations (parts,) by input.
+            For each group, the indices of its sets; for each dataset, the error of each input, one value per component.
         """
         # One call of the solver simulates a whole group, with a factor on the magnetic loads for each set.
         return self._grouped(unit, datasets, lambda source: source.changes_experiment and source.lens is None)
 
-    def seen(self, unit: Array, datasets: int) -> list[tuple[Rows, list[dict[str, Array]]]]:
-        """Group P sets of scaled unknowns (P, n) by their errors of the lens: distance and tilt.
+    def grouped_by_lens(self, unit: Array, datasets: int) -> list[tuple[Rows, list[dict[str, Array]]]]:
+        """Group P sets of scaled unknowns (P, n) with equal errors of the lens: distance and tilt.
 
         Returns
         -------
         list of (ndarray, list of dict)
-            For each group, the indices of its sets; for each dataset, the deviations (parts,) by input.
+            For each group, the indices of its sets; for each dataset, the error of each input, one value per component.
         """
         return self._grouped(unit, datasets, lambda source: source.lens is not None)
 

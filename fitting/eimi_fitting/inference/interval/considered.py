@@ -96,7 +96,7 @@ def unstated_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
 
 
 def _concerns(source: str, experiment: Experiment) -> bool:
-    """Return whether a usual error of the input changes the specimen; always false without a magnetic field."""
+    """Return whether to report an input: a usual error changes the specimen, and there is a magnetic field."""
     # Without a field, the direction of magnetisation has no effect.
     before = experiment.model.specimen
     changed = specimen_under(before, {source: np.full(len(SOURCES[source].parts), SOURCES[source].usual)})
@@ -160,8 +160,8 @@ def _changes(
         for column, n in enumerate(problem.unknowns.freed, problem.unknowns.searched)
         if index in n.datasets
     ]
-    (_, reshaped), *_ = problem.unknowns.bent(unit[None], len(problem.experiments))
-    (_, seen), *_ = problem.unknowns.seen(unit[None], len(problem.experiments))
+    (_, beams), *_ = problem.unknowns.grouped_by_beam(unit[None], len(problem.experiments))
+    (_, lenses), *_ = problem.unknowns.grouped_by_lens(unit[None], len(problem.experiments))
     candidate = Candidate(
         problem.law, problem.unknowns.parameters(unit[None]), problem.unknowns.bulk_modulus_Pa(unit[None]), tuple(freed)
     )
@@ -169,7 +169,7 @@ def _changes(
     sizes = [(group.source, part, group.standard_uncertainty or 0.0) for _, (group, part) in concerned]
     # None if the input does not belong to the experiment
     changes: list[Array | None] = [None] * len(numbers)
-    concerned_changes = changes_by(candidate, problem.experiments[index].under(reshaped[index] | seen[index]), sizes)
+    concerned_changes = changes_by(candidate, problem.experiments[index].under(beams[index] | lenses[index]), sizes)
     for (i, _), change in zip(concerned, concerned_changes, strict=True):
         changes[i] = change
     return changes
@@ -274,7 +274,7 @@ class Steps:
     sizes : ndarray, shape (S, n)
         Change for one standard uncertainty of each of S inputs.
     without_bounds : ndarray, shape (n,)
-        Change in a search without bounds.
+        Change, of limited size, from the optimum between the bounds to the optimum without bounds.
     """
 
     sizes: Array
@@ -287,7 +287,7 @@ _FARTHEST = 2.0
 
 
 def steps_of(about: Linearisation, sources: Sequence[ConsideredSources], covariance: Array) -> Steps:
-    """Return how far errors of the inputs ``sources`` move the fitted values, and how far they move without bounds.
+    """Return how errors of the inputs ``sources`` change the fitted values, and how a removal of their bounds does.
 
     ``covariance`` (n, n) is the covariance of the n unknowns due to noise and priors.
     """

@@ -1,11 +1,12 @@
 """Compute the covariance of the optimum of a fit, from residuals that are linearised there.
 
-Load case k has N_k points, the derivatives J_k of its residuals in the unknowns, and the root mean square residual e_k.
-Its weight w_k, the Hessian A of minus the log-likelihood and the covariance B of the gradient are
+Load case k of K has N_k points, the derivatives J_k of its residuals in the unknowns, and the root mean square residual
+e_k, with the mean e over the load cases. Of tau neighbouring points, one counts as independent; N is the number of all
+independent points. The weight w_k, the Hessian A of minus the log-likelihood and the covariance B of its gradient are
 
     w_k = N / (K e N_k e_k),    A = sum_k w_k J_k' J_k,    B = sum_k tau w_k^2 e_k^2 J_k' J_k
 
-for K load cases, the mean e of e_k, and N independent points, one for tau points. The covariance of the optimum is
+The covariance of the optimum is
 
     C = inv(A + P) (B + P) inv(A + P)
 
@@ -101,7 +102,7 @@ class Linearisation:
     independent_points : float
         Number of independent points, from the correlation of all residuals.
     likelihood_points : float
-        Number of independent points for which the residuals are weighted: their squares are scaled to it.
+        Number N of points in the weights of the residuals (see the module), at first ``independent_points``.
     noise_points : float
         Number of independent points, from the correlation of the noise.
     noise_mm : float
@@ -227,8 +228,8 @@ def independent_points(problem: Problem, misfits: tuple[Misfit, ...]) -> float:
 def linearise(problem: Problem, optimum: Optimum[Evaluation], likelihood_points: float | None = None) -> Linearisation:
     """Return the residuals of a fit (edges, tensile curves, priors) as linear functions of the unknowns.
 
-    The squares of the residuals are scaled to ``likelihood_points`` independent points, by default to the number that
-    the correlation of the residuals gives.
+    ``likelihood_points`` is the number N of points in the weights of the residuals (see the module). By default, it
+    follows from the correlation of the residuals.
     """
     evaluation, distance = optimum.evaluation, optimum.distance
     n, misfits = len(optimum.unit), evaluation.comparison.misfits

@@ -56,7 +56,7 @@ class Explained:
 
 @dataclass(frozen=True)
 class Effect:
-    """The change of the fitted values of a fit by an accurate beam model, such as one with a finer mesh.
+    """The change of the fitted values by an accurate beam model, such as one with a finer mesh.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ class Effect:
 
     @property
     def remaining_share(self) -> float:
-        """Share of the change of the fitted values by the accurate beam model that remains as its error."""
+        """Error of the fitted values with the accurate beam model, as a share of their change by this model."""
         return self.correction.refinement.remaining_share if self.share is None else self.share
 
 
@@ -90,9 +90,9 @@ class Noise:
     about : Linearisation
         The residuals as linear functions of the unknowns.
     explained : Explained
-        The noise: residuals of a joint fit of unknowns and uncertain inputs.
+        The noise: the residuals of a joint fit of the unknowns and the inputs ``sources``.
     sources : tuple of ConsideredSources
-        The uncertain inputs that are not fitted together with the law.
+        The uncertain inputs that only this joint fit determines, and not the fit of the law.
     mean_model_mm : float
         Mean standard deviation of the error of the beam model in mm.
     """
@@ -117,7 +117,7 @@ class Noise:
 def linearise_noise(problem: Problem, optimum: Optimum[Evaluation], effects: Sequence[Effect] = ()) -> Noise:
     """Return the linearised residuals of a fit, and the part of them that is noise.
 
-    ``effects`` are the changes by accurate beam models.
+    ``effects`` are the changes of the fitted values by accurate beam models, which give the error of the beam model.
     """
     about, sources = linearise(problem, optimum), considered(problem, optimum.unit)
     if not sources:

@@ -124,7 +124,7 @@ class Candidates:
     loads : Loads
         The loads of the S load cases.
     states : ndarray of int, shape (S,)
-        Index of each load case in the plan.
+        Index of each load case in the list of all possible load cases, some of which have no equilibrium.
     normal : ndarray, shape (S, n, n)
         Hessian of minus the log-likelihood of the edges.
     source_score : ndarray, shape (S, n, c)
@@ -302,14 +302,14 @@ def slopes_of(problem: Problem, unit: Array) -> Array:
 
 
 def _mesh(problem: Problem, unit: Array, along: int) -> dict[str, Array]:
-    """Return the standard deviation of the edges in mm due to the mesh of a fit, (K, 2, m), with its name."""
+    """Return the change of the edges in mm by one standard uncertainty of the mesh, (K, 2, m), with the key "mesh"."""
     mesh_correction = correction(
         FINER_MESH,
         problem.experiments,
         problem.evaluate(unit[None], 1.0).comparison,
         lambda experiments: problem.evaluate(unit[None], 1.0, experiments).comparison,
     )
-    if mesh_correction is None:
+    if mesh_correction is None:  # no equilibrium on the finer mesh
         return {}
     scale = (problem.experiments[0].model.along / along) ** MESH_ORDER
     return {FINER_MESH.name: scale * FINER_MESH.remaining_share / NORMAL_95 * mesh_correction.changes[0]}

@@ -19,13 +19,13 @@ _GAIN = 1e-6  # smallest relative gain of the criterion for which a state is exc
 
 
 class Criterion(Protocol):
-    """A function that is small for a good choice of load cases."""
+    """A quantity that is small for a good choice of load cases, such as the variance of the modulus."""
 
     def __len__(self) -> int:
         """Return the number of possible load cases."""
 
     def variance(self, choices: Choice) -> Array:
-        """Return the criterion, (D,), for D choices of K load cases, given as indices (D, K)."""
+        """Return the quantity, (D,), for D choices of K load cases, given as indices (D, K)."""
 
 
 def equally_spaced(states: int, count: int) -> Choice:

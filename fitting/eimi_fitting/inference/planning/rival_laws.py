@@ -43,7 +43,7 @@ class Rivals:
     loads : Loads
         The loads of the S load cases.
     states : ndarray of int, shape (S,)
-        Index of each load case in the plan.
+        Index of each load case in the list of all possible load cases, some of which have no equilibrium.
     square : ndarray, shape (S,)
         Sum of the squared residuals of the second law at the start of the fit, in units of the noise variance.
     score : ndarray, shape (S, m)

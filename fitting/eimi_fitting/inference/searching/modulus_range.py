@@ -1,8 +1,9 @@
 """Determine from the data the range of moduli to search, for any material from gel to steel.
 
-For a stiff beam of length L with the largest displacement u, c = mu u / L does not depend on the shear modulus mu. The
-objective (the error in mm that the fit minimises) is computed for moduli from c / 3 to c / 1e-7. The searched range
-contains all moduli whose objective is within 2 % of the smallest one, and covers at least a factor of 1000.
+The largest displacement of a stiff beam of length L and shear modulus mu is u = c L / mu, with a constant c. The
+objective (the error in mm that the fit minimises) is computed for moduli from c / 3 to c / 1e-7, for which this formula
+gives u / L from 3 to 1e-7. The searched range contains all moduli whose objective is within 2 % of the smallest one. It
+covers at least a factor of 1000.
 """
 
 from __future__ import annotations

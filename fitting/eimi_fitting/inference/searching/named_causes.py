@@ -61,7 +61,7 @@ class Cause:
 
 
 class NamedCause(Exception):
-    """A mistake in the loads of a dataset explains why no material fits the measurement.
+    """A mistake in the loads of a dataset that explains why no material fits the measurement.
 
     Parameters
     ----------
@@ -127,14 +127,14 @@ CAUSES = (
 
 
 def doubtful_loads(problem: Problem, scan: Scan, independent_points: float) -> tuple[NamedCause, ...]:
-    """Return probable mistakes in the loads of the files, at most one for each dataset.
+    """Return probable mistakes in the loads of the files, at most one for each dataset, to warn of them.
 
     scan: the objective of the fit for many moduli. independent_points: number of points with independent errors.
 
     Raises
     ------
     NamedCause
-        A mistake explains why no modulus fits the measured edges.
+        If such a mistake is found, and the error with the stated loads exceeds 0.2 times that of an unbent beam.
     """
     causes: list[NamedCause] = []
     # The loads explain all datasets together.
@@ -157,7 +157,7 @@ def doubtful_loads(problem: Problem, scan: Scan, independent_points: float) -> t
 
 
 def _error_without(alone: Problem, cause: Cause, independent_points: float) -> float:
-    """Return the smallest error (mm) of a fit of one dataset over all moduli, without a mistake in its loads.
+    """Return the smallest error (mm) over all moduli for one dataset, after a mistake in its loads is corrected.
 
     independent_points: number of points with independent errors.
     """
