@@ -150,7 +150,7 @@ def _polished(
 def _with_finer_meshes(
     problem: Problem, coarse: Problem, optimum: Optimum[Evaluation]
 ) -> tuple[Problem, Optimum[Evaluation], tuple[Effect, ...], Array]:
-    """Fit with two successively finer meshes; return fit, optimum, its changes by them, and largest stretch, (1,)."""
+    """Fit with two finer meshes in turn; return fit, optimum, change of the optimum, and largest stretch, (1,)."""
     plain = _alone(problem, optimum.unit, problem.experiments, keep=True)
     # A beam without an equilibrium on a finer mesh is not corrected.
     if plain.unconverged[0]:
@@ -191,7 +191,7 @@ def _with_solids(
 
 
 def _with_depth(problem: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem, Optimum[Evaluation], list[Effect]]:
-    """Correct the residuals by a three-dimensional model, up to three times; return fit, optimum, and its change."""
+    """Correct the residuals up to three times by a solid model; return fit, optimum, and change of the optimum."""
     corrected, first, solid = problem, optimum.unit, None
     moved = np.inf
     for passes in range(_MOST_PASSES):

@@ -67,12 +67,12 @@ def tip_twist_per_tilt(simulated: Experiment, law: Law, parameters: Array) -> Ar
 def _twisted(simulated: Experiment, law: Law, parameters: Array) -> tuple[Array, Array] | None:
     """Return S points of the middle line in mm, (K, S, 2), and the twist of the beam there, (K, S), or None.
 
-    The twist is divided by a small tilt of the magnetic moment out of the picture.
+    The twist is divided by a small tilt of the magnetic moment out of the picture. The result is None without a magnet,
+    or without an equilibrium.
     """
     specimen = simulated.model.specimen
     if specimen.magnet is None:
         return None
-    # None also if a load case has no equilibrium.
     shapes = simulated.model.solve(law, parameters, simulated.loads, tolerance_mm=_ACCURACY_MM)
     if not np.isin(shapes.status, (Status.CONVERGED, Status.UNSTABLE)).all():
         return None

@@ -180,7 +180,7 @@ class Weighing:
         return np.linalg.lstsq((self._rows[of_cause] / root).T, change, rcond=None)[0] * self._scale[of_cause]
 
     def stated_size(self, cause: int) -> float:
-        """Return the standard uncertainty of a bench error that follows from the stated ones of inputs, or 0."""
+        """Return the standard uncertainty of a bench error due to the stated uncertainties of inputs, or 0."""
         parts = [self.as_cause([row], self._scale[[row]], cause) for row in self.rows_of_inputs(cause)]
         return float(np.linalg.norm(parts)) if parts else 0.0
 
@@ -205,7 +205,7 @@ class Weighing:
         return Exact(causes, probability / probability.sum(), posterior, groups)
 
     def evidence_of_sets(self) -> Posterior:
-        """Return the evidence (probability density of the residuals) for each set of bench errors, with their sizes."""
+        """Return, for each set of bench errors, the evidence (probability density of the residuals) and the sizes."""
         y = np.tile(-self._project.of(self._stated), (len(self.hypotheses), 1))
         result = self._weigh(y, self._model_error(np.zeros((1, y.shape[1]))))
         simulated_at = np.zeros_like(result.means)  # where the linear model is exact
@@ -370,7 +370,7 @@ class Weighing:
         return self._about.simulated(amplitudes[: self._law], given)
 
     def remaining(self, row: int, amplitudes: Array) -> tuple[Array, ...] | None:
-        """Simulate the residuals in mm after a correction for the bench errors of set ``row``, or return None."""
+        """Simulate the residuals in mm without the bench errors of the set ``row``; None without an equilibrium."""
         residuals = self._simulated(self.hypotheses[row], amplitudes)
         return None if residuals is None else tuple(residuals)
 

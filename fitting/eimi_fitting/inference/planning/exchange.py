@@ -25,7 +25,7 @@ class Criterion(Protocol):
         """Return the number of possible load cases."""
 
     def variance(self, choices: Choice) -> Array:
-        """Return the quantity, (D,), for D choices of K load cases, given as indices (D, K)."""
+        """Return the quantity to make small, such as a variance, (D,), for D choices of K load cases (D, K)."""
 
 
 def equally_spaced(states: int, count: int) -> Choice:
