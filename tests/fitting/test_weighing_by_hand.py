@@ -337,7 +337,7 @@ def test_hypotheses_are_simulated_at_most_eight_times_and_improbable_ones_three_
     weighing._weigh, weighing._probable, weighing._simulated = weigh, probable, simulate
     weighing._misfit = lambda y, amplitudes: 3.9
     weighing._starts = lambda result, known: []
-    weighing.posterior()
+    weighing.evidence_of_sets()
     assert simulated == [(1,)] * passes
     assert limits == ([200.0] * 3 + [30.0] * 5 if moves else [200.0])
     assert len(errors) == 1 + passes
@@ -369,5 +369,5 @@ def test_a_single_cause_with_a_misfit_above_four_is_fitted_again_in_the_second_p
     weighing._simulated = lambda hypothesis, amplitudes: None
     weighing._misfit = lambda y, amplitudes: misfit
     weighing._starts = lambda result, known: []
-    weighing.posterior()
+    weighing.evidence_of_sets()
     assert rows == renewed

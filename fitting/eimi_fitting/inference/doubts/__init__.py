@@ -12,7 +12,7 @@ edge_coefficients     polynomials that describe the residuals along each edge
 marginal_likelihood   the evidence (probability density of the data) of linear models
 signatures            the change of the residuals by each bench error
 twisted_picture       the edges of a beam that its magnet has twisted
-coefficients          the list of all unknown numbers that may explain the residuals
+coefficients          the list of all unknowns that may explain the residuals
 stated_inputs         the change of the residuals by the inputs with an uncertainty
 deviating_inputs      the inputs that differ from their stated values
 possible_causes       the description of one bench error
