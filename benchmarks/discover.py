@@ -4,8 +4,8 @@ python -m benchmarks.discover [--laws 100] [--seed 2] [--workers 2] [--solid] [-
 
 Each material has one to three terms, drawn from the library of terms. The table counts the results "right", "not
 identifiable" (the program says that the data do not decide) and "wrong", once for bending and tension together and once
-for bending alone. With ``--solid`` all beams are solids. With ``--off 1.3`` the fixed numbers in the terms (Jm, b,
-alpha) differ from the library by a factor of up to 1.3.
+for bending alone. With ``--solid`` all beams are three-dimensional, not in plane stress. With ``--off 1.3`` the fixed
+numbers in the terms (Jm, b, alpha) differ from the library by a factor of up to 1.3.
 """
 
 # A law is a sum of terms of the strain energy. `eimi discover` chooses the terms from a library. Each hidden law has
@@ -55,7 +55,7 @@ class Case:
     seed, number : int
         Seed of the benchmark and number of the material; together the seed of all random values.
     solid : bool
-        True for a solid beam, false for a beam in plane stress.
+        True for a three-dimensional beam, false for a beam in plane stress.
     noise : float
         Standard deviation of the tensile noise, divided by the largest stress.
     off : float

@@ -42,6 +42,8 @@ class Outcome:
     ----------
     hidden_Pa, fitted_Pa : float
         True and fitted dynamic shear modulus, Pa.
+    of_sizes_percent : float
+        Error of the modulus due to the typed dimensions, %.
     interval_95 : tuple of float
         95 % interval of the fitted modulus, Pa.
     frequency_error_percent : float
@@ -98,7 +100,7 @@ HEAD = (
 
 
 def outcome(film: PhoneFilm, folder: Path, *, rate: float | None = None) -> Outcome:
-    """Render one video into a folder, and fit the strip.
+    """Render a phone video of a flicked silicone strip into a folder, and fit the strip's modulus to the video.
 
     `rate` is the frame rate (Hz) that the user types; None for the rate in the video file.
     """

@@ -97,7 +97,7 @@ class Mutant:
     limit_s : float
         Time limit of all tests together, s.
     is_generated : bool
-        Whether the mistake is a random mistake.
+        Whether the mistake was generated at random, not listed in a file.
     """
 
     number: int
@@ -111,7 +111,10 @@ class Mutant:
     is_generated: bool = False
 
     def room_tests(self, project: Path) -> list[str]:
-        """Return further tests for a random mistake: files that import the module, and those in ``room_tests.toml``."""
+        """Return, for a random mistake, the test files to run after ``tests``; an empty list for a listed mistake.
+
+        They import the file with the mistake, or ``room_tests.toml`` lists them for its folder.
+        """
         if not self.is_generated:
             return []
         by_folder: dict[str, list[str]] = tomllib.loads(ROOM_TESTS.read_text(encoding="utf-8"))
@@ -121,7 +124,7 @@ class Mutant:
 
     @property
     def key(self) -> str:
-        """Return an identifier of the mistake, made from the file, the fragments and the tests of a listed mistake."""
+        """Return an identifier of the mistake: a hash of file and fragments, and of ``tests`` unless it is random."""
         tests = () if self.is_generated else self.tests
         return sha256("\0".join((self.file, self.right, self.wrong, *tests)).encode()).hexdigest()[:16]
 

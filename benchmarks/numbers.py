@@ -49,7 +49,7 @@ def demonstration(folder: Path, *more: str) -> dict[str, Json]:
 def case(folder: Path, specimen: str, hidden: str) -> dict[str, Json]:
     """Simulate the measurement of a specimen of the material `hidden`, fit it, and return the results as JSON.
 
-    Both arguments are names.
+    `specimen` and `hidden` are names; the files are written into `folder`.
     """
     parameters, models = HIDDEN[hidden]
     for file in RIGS.glob("virtual*.toml"):

@@ -88,7 +88,7 @@ class Ranked:
 
     @staticmethod
     def of(fit: Fit, cause: str, seed: int, shape: str, true_Pa: float) -> Ranked:
-        """Return the result of a fit for the true causes ``cause`` and the true modulus."""
+        """Return the result of ``fit``; the simulated bench had the true ``cause`` (or two, joined by ``+``)."""
 
         def percent(ends: tuple[float, float]) -> tuple[float, float]:
             low, high = (100 * (end / true_Pa - 1) for end in ends)
@@ -127,22 +127,22 @@ class Ranked:
 
     @property
     def is_first(self) -> bool:
-        """Whether the true cause has rank 1, or two true causes have the ranks 1 and 2."""
+        """Whether the true cause is the most probable one, or two true causes are the two most probable ones."""
         return self.true <= {entry.name for entry in self.causes[: len(self.true)]}
 
     @property
     def is_second(self) -> bool:
-        """Whether the true cause has rank 1 or 2, or two true causes have ranks up to 3."""
+        """Whether the true cause is among the two most probable ones, or two true causes are among the three."""
         return self.true <= {entry.name for entry in self.causes[: len(self.true) + 1]}
 
     @property
-    def is_declared(self) -> bool:
-        """Whether the true cause has rank 1, or the data cannot distinguish it from the cause with rank 1."""
+    def is_in_first_class(self) -> bool:
+        """Whether the true cause is the most probable one, or one that the data cannot distinguish from it."""
         return self.is_first or self._is_in_first_classes(len(self.true))
 
     @property
-    def is_declared_second(self) -> bool:
-        """Whether the true cause has rank 1 or 2, or the data cannot distinguish it from a cause with rank 1 or 2."""
+    def is_in_first_two_classes(self) -> bool:
+        """Whether the true cause is one of the two most probable ones, or cannot be distinguished from them by the data."""
         return self.is_second or self._is_in_first_classes(len(self.true) + 1)
 
     def _is_in_first_classes(self, count: int) -> bool:
@@ -191,12 +191,12 @@ class Ranked:
 
 
 def summary(results: Sequence[Ranked]) -> str:
-    """Return lines that count the fits with the true cause at rank 1, with a wrong cause, and with a right interval."""
+    """Return lines that count the fits with the true cause first, with a wrong cause, and with a right interval."""
     counts = {
         "first": sum(one.is_first for one in results),
         "first or second": sum(one.is_second for one in results),
-        "first or in its class": sum(one.is_declared for one in results),
-        "in the first two classes": sum(one.is_declared_second for one in results),
+        "first or in its class": sum(one.is_in_first_class for one in results),
+        "in the first two classes": sum(one.is_in_first_two_classes for one in results),
         "with a wrong cause above 0.9": sum(one.wrong > 0.9 for one in results),
         "hold the truth, or the doubt names the change": sum(one.is_said for one in results),
     }
@@ -204,7 +204,7 @@ def summary(results: Sequence[Ranked]) -> str:
 
 
 def table(results: Sequence[Ranked]) -> str:
-    """Return a Markdown table with one row for each true cause: its ranks, the errors of the modulus, the warnings."""
+    """Return a Markdown table with one row for each true cause: fits that find it, errors of the modulus, warnings."""
     lines = [_cells(_HEAD), _cells(["---"] * len(_HEAD))]
     for cause in dict.fromkeys(one.cause for one in results):
         some = [one for one in results if one.cause == cause]
@@ -213,7 +213,7 @@ def table(results: Sequence[Ranked]) -> str:
         cells = (
             cause.replace("+", " and ").replace("_", " "),
             str(len(some)),
-            *(str(sum(flags)) for flags in ([o.is_first for o in some], [o.is_declared for o in some])),
+            *(str(sum(flags)) for flags in ([o.is_first for o in some], [o.is_in_first_class for o in some])),
             f"{max(one.wrong for one in some):.2f}",
             f"{errors[0]:+.2f} to {errors[-1]:+.2f}",
             f"{widths[0]:.1f} to {widths[-1]:.1f}",

@@ -194,7 +194,10 @@ maximum = 12.0
             os.kill(self.guardian, signal.SIGKILL)
 
     def _is_unidentified(self) -> bool:
-        """Return whether the guardian reported more than `TRIES_FOR_S` (s) ago that it cannot identify the supply."""
+        """Return whether the message `UNIDENTIFIED` of the guardian is older than `TRIES_FOR_S` (s).
+
+        The guardian is the process that switches the coil off after a failed run.
+        """
         reported_s = [at_s for line, at_s in zip(self.lines, self.arrived_s, strict=False) if UNIDENTIFIED in line]
         return bool(reported_s) and time.monotonic() - reported_s[0] > TRIES_FOR_S
 

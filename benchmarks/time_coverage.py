@@ -98,7 +98,7 @@ def drawn_material(rng: np.random.Generator) -> tuple[float, Prony]:
 
 
 def _stiffness_slopes() -> tuple[Stiffness, np.ndarray]:
-    """Return an elastic rod that replaces the nominal beam, and the derivatives of its parameters, shape (3, 3).
+    """Return the stiffness of a rod with a hinge at the magnet, which replaces the beam, and its derivatives, (3, 3).
 
     Rows: derivatives by ln(width), ln(depth), ln(length) of the beam. Columns: ln(length of the rod), ln(stiffness of
     the hinge), loss of bending stiffness per squared curvature (m²).

@@ -3,8 +3,9 @@
 python -m benchmarks.usual_imperfections [--experiments 2000] [--full 24] [--seed 1] [--workers 2]
 
 Each experiment is a simulated beam with random errors of its inputs and noise on its edges. Every experiment gets a
-quick fit, which interpolates between simulated beams. ``--full`` experiments in all also get a full fit, as by `eimi
-fit`, whose interval gives the width for the quick fits. The last lines compare both fits.
+quick fit, which interpolates between simulated beams. Some experiments, ``--full`` in number, also get a full fit, as
+by `eimi fit`. The interval of a quick fit is as wide as the intervals of the full fits on average. The last lines
+compare both fits.
 """
 
 # Each experiment is a virtual measurement, as in `benchmarks.coverage`: a Neo-Hookean beam, whose modulus the fit does

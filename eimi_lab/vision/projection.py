@@ -173,7 +173,7 @@ class _RootSampler:
 
 
 def _candidates(samples: Sequence[_Colours], space: str, beam_colour: Sequence[float] | None) -> Iterable[Projection]:
-    """Yield weights for a choice: those that best separate beam and surroundings, and single colour channels."""
+    """Yield possible weights of the colours: those that best separate beam and surroundings, and single channels."""
     inside = [np.median(sample.inside, axis=0) for sample in samples]
     if beam_colour is not None:
         stated = np.array(beam_colour[::-1], dtype=np.float32)[None, None] / np.float32(255.0)

@@ -168,7 +168,10 @@ def _highest_steepness(image: NDArray[Any]) -> NDArray[np.float32]:
 
 
 def _rectangles(possible: NDArray[np.bool_]) -> list[tuple[int, int, int, int]]:
-    """Return rectangles (top, bottom, left, right; pixels) that cover the columns of strips marked in `possible`."""
+    """Return rectangles (top, bottom, left, right; pixels) that contain all places where a gradient may be steep.
+
+    `possible`: whether it may be steep in each column of horizontal strips of the image, shape (strips, columns).
+    """
     strips, columns = np.divmod(np.flatnonzero(possible), possible.shape[1])
     ends = np.flatnonzero((np.diff(strips) > 0) | (np.diff(columns) > STRIP_ROWS))
     first, last = [0, *(ends + 1)], [*ends, -1]

@@ -179,7 +179,10 @@ def _rough_width_px(pixels: NDArray[Any], guess: Calibration) -> float:
 
 
 def _dark_steps(bright: NDArray[Any], begin: Array, direction: Array) -> int | None:
-    """Return the number of dark pixels from a point to the first bright pixel along a direction; None without both."""
+    """Return the number of dark pixels from a point to the first bright pixel along a direction, or None.
+
+    None if the point is bright, or if no pixel in this direction is bright.
+    """
     steps = np.arange(max(bright.shape))
     places = np.rint(begin + steps[:, None] * direction).astype(int)
     inside = ((places >= 0) & (places < [bright.shape[1], bright.shape[0]])).all(axis=1)

@@ -44,13 +44,13 @@ class SiliconeMargin:
         Width of the silicone on each side of the magnet.
     tolerance_px : float
         Standard deviation of this width.
-    begins_px : float
-        Distance from the tip to the far end of the magnet.
+    magnet_end_px : float
+        Distance from the tip to the end of the magnet that is nearer to the clamp.
     """
 
     width_px: float
     tolerance_px: float
-    begins_px: float
+    magnet_end_px: float
 
 
 @dataclass(frozen=True)
@@ -66,9 +66,9 @@ class Side:
     offset_px : ndarray, shape (n,)
         Distance of each point from the curve.
     sigma_px : ndarray, shape (n,)
-        Standard deviation of the offset due to image noise, before the multiplication by `scatter_scale`.
+        Standard deviation of the offset due to image noise, not yet multiplied by the factor `scatter_scale`.
     common_px : ndarray, shape (n,)
-        Standard deviation of the offset due to the uncertain silicone width, before that multiplication.
+        The same due to the uncertain width of the silicone beside the magnet, which is fitted together with the edge.
     sound : ndarray of bool, shape (n,)
         Whether an edge was detected at each point.
     stride : int
@@ -232,7 +232,7 @@ def second_pass(
         curves.append(curve)
         arc_lengths.append(place)
         # Where the magnet has not begun yet, the fitted second step has no height.
-        group.append(np.where(covered & (place[0] > finish - margin.begins_px - reach), number, -1))
+        group.append(np.where(covered & (place[0] > finish - margin.magnet_end_px - reach), number, -1))
     cover = None
     if covered:
         two = np.ones(2)

@@ -106,7 +106,7 @@ class Cover:
     Attributes
     ----------
     group : ndarray of int, shape (n,)
-        For each of n lines across an edge, the side (0 to k - 1); -1 for a line beside the magnet.
+        For each of n lines across an edge, the side (0 to k - 1); -1 for a line that does not meet the magnet.
     width_px : ndarray, shape (k,)
         Prior mean of the silicone's width.
     tolerance_px : ndarray, shape (k,)
@@ -281,7 +281,7 @@ class _SharedUnknowns:
         return change
 
     def cover_variances(self) -> Array:
-        """Return the variances of the fitted silicone widths, px²; call `step` before."""
+        """Return the variances of the fitted widths of the silicone beside the magnet, px²; call `step` before."""
         return np.asarray(self._noise * np.diag(np.linalg.inv(self._normal))[1:])
 
 
@@ -290,8 +290,8 @@ def _derivatives(
 ) -> tuple[Array, Array]:
     """Return derivatives of the grey values at m distances on n lines, by all unknowns of the fit.
 
-    First result: by dark value, bright value and offset of a line, shape (n, m, 3). Second: by blur and k silicone
-    widths, shape (n, m, 1 + k).
+    First result: by dark value, bright value and offset of a line, shape (n, m, 3). Second: by blur and the widths of
+    the silicone on k sides of a magnet, shape (n, m, 1 + k).
     """
     blur = float(shared[0])
     rise, bell, z = _blurred_step(u - offset[:, None], blur)

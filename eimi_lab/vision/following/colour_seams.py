@@ -55,8 +55,8 @@ def find_colour_seams(
     noise : float
         Standard deviation of the noise, grey levels (0 to 255).
     tolerances : iterable of float
-        For each repetition of the search, the permitted standard deviation from the previous position, in widths of the
-        beam.
+        Standard deviations about the expected position in the first search, and about the previous result in each
+        further search, in widths of the beam; an edge far away needs a larger change of colour.
     shadowless : bool
         Whether to use only weighted sums of the colours in which a shadow is invisible.
     """

@@ -154,9 +154,9 @@ class _Edge:
         return 1.0 + self.projected.level[station][:, None] - share, inside
 
     def _slopes(self, curve: SmoothCurve, place: Array, station: NDArray[np.int64], u: Array, blur: float) -> Array:
-        """Return the change of the weighted colours across an edge that uneven light causes.
+        """Return how uneven light changes the weighted sums of the colours on n lines across an edge, shape (n, m).
 
-        The result has one row for each line across the edge, at the distances `u` (px) from the edge.
+        `u`: distances from the edge at which each line is read, px, shape (m,).
         """
         clear = _CLEAR_IN_BLURS * blur
         added = np.zeros((len(place), len(u)))

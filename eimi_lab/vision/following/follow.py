@@ -52,7 +52,7 @@ class FollowedBeam:
     edges : tuple of StripEdges, optional
         The left and the right edge, px.
     words : dict of str to str
-        Text for each word in braces in the advice of the quality checks.
+        Texts that replace words in braces, such as {narrow_px}, in the advice of the quality checks.
     """
 
     findings: dict[str, float]

@@ -135,7 +135,7 @@ def misfit(colours: NDArray[np.float32], template: NDArray[np.float32], variance
 def updated_templates(
     colours: NDArray[np.float32], template: NDArray[np.float32], tolerance: Array, variance: Array, least: float
 ) -> tuple[NDArray[np.float32], Array]:
-    """Return the remembered colours and the variances of the strips after another step of the search.
+    """Return the remembered colours and variances of n strips (possible beams) after a further step along the beam.
 
     Parameters
     ----------
@@ -143,8 +143,10 @@ def updated_templates(
         Present colours at 15 points across each strip: three outside, nine inside, three outside.
     template : ndarray, shape (n, 9, channels)
         Remembered colours at the nine points inside.
-    tolerance, variance : ndarray, shape (n,)
-        Variance of the colours near the clamp and in the step before, summed over the channels.
+    tolerance : ndarray, shape (n,)
+        Variance of the colours of each strip near the clamp, summed over the channels.
+    variance : ndarray, shape (n,)
+        The same variance after the step before.
     least : float
         Smallest variance that is assumed for a colour.
     """

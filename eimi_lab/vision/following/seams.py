@@ -61,7 +61,7 @@ def find_seams(fall: Array, across: Array, expected: Array, tolerance: float) ->
     expected : ndarray, shape (k, n)
         Expected positions of the edges, in widths of the beam.
     tolerance : float
-        Standard deviation about the expected positions, in widths of the beam.
+        Standard deviation about the expected positions, in widths of the beam; an edge far away needs a larger fall.
     """
     value = fall - _PRIOR * ((across - expected[..., None]) / tolerance) ** 2
     count, stations, places = value.shape

@@ -102,7 +102,7 @@ class UnrolledPicture:
 
     @property
     def stations_in_width(self) -> float:
-        """Number of rows on a length of one width of the beam."""
+        """Number of rows of the straightened picture on a length of one width of the beam."""
         return 1.0 / _ALONG
 
 

@@ -22,14 +22,14 @@ Array = NDArray[np.float64]
 
 
 class Actuation(Protocol):
-    """One kind of load in K load states, described by m numbers in each state.
+    """One kind of load in K load states, described by m components in each state, such as those of a force.
 
-    The forces must be linear in the m numbers.
+    The forces on the mesh must be linear in the m components.
     """
 
     @property
     def numbers(self) -> Array:
-        """Return the m numbers that describe the load in each of K load states, shape (K, m), in any unit."""
+        """Return the m components of the load, such as those of a force, in each of K load states, shape (K, m)."""
         ...
 
     def take(self, states: NDArray[np.intp]) -> Self:
@@ -42,11 +42,11 @@ class Actuation(Protocol):
         Parameters
         ----------
         numbers : ndarray, shape (m,)
-            The m numbers that describe the load in this state.
+            The m components of the load in this state.
         field_factor : ndarray, shape (B,)
             Factor on magnetic loads for each of B candidate laws.
         mesh : LoadedMesh
-            The mesh. It carries the fraction ``mesh.share`` of a force on the specimen.
+            The mesh. The fraction ``mesh.share`` of a force on the specimen acts on the mesh.
         total : SolidLoads
             The sum of all loads.
         """
@@ -172,7 +172,7 @@ class LoadedMesh:
     def apply_force(self, force: Array, point_mm: Array, total: SolidLoads) -> None:
         """Add a force with constant direction and size to the sum of all loads, in place.
 
-        force: force (x, y) in N on the mesh, already multiplied by ``share``. point_mm: its point (x, y) at rest.
+        force: the fraction ``self.share`` of the force (x, y) in N on the specimen. point_mm: its point (x, y) at rest.
         """
         straight = self._grid.straightened(point_mm)
         if self._grid.on_magnet(straight)[0]:

@@ -35,7 +35,7 @@ class BentBeam:
     shapes : Shapes
         The solution for P candidates, with P = 1 for one candidate.
     is_one : bool
-        Whether the parameters of only one candidate were given, (n,). The results then have no axis of length P.
+        Whether the parameters of one candidate were given, as shape (n,). The results then have no axis of length P.
     """
 
     model: BeamModel | SolidModel

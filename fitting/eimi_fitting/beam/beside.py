@@ -211,8 +211,9 @@ class SolidBeside:
         tolerance_mm: float,
         options: SolidOptions,
     ) -> DepthEffect | None:
-        """Return the interpolated difference of the solid and the planar shapes of a candidate law, or None.
+        """Return the depth effect (solid minus planar shapes) of a candidate law, interpolated between load states.
 
+        None if the loads are not on a straight line, or if the solid model is not solved in a needed load state.
         lift: displacements of the planar model at the nodes of the solid mesh. flat: the planar shapes.
         """
         along = _along_ray(loads)
@@ -261,7 +262,7 @@ class SolidBeside:
         predicted: Configuration | None,
         tolerance_mm: float,
     ) -> Configuration | None:
-        """Return the solid minus the planar configuration (``lifted``) in one load state, or None if this fails.
+        """Return the solid minus the planar configuration (``lifted``) in one load state; None without a solution.
 
         predicted: the expected difference, if known.
         """
@@ -317,7 +318,7 @@ def _bent_candidate(chosen: Candidates, flat: Shapes) -> BentCandidate:
 
 
 def _effect_of_equal(candidate: BentCandidate, options: SolidOptions) -> DepthEffect | None:
-    """Return the known difference of solid and planar shapes of an equal candidate law, or None."""
+    """Return the known depth effect (solid minus planar shapes) of an equal candidate law, or None."""
     for effect in options.similar:
         if effect.candidate and effect.candidate.is_alike(candidate, options.accuracy_mm):
             return effect
@@ -325,10 +326,10 @@ def _effect_of_equal(candidate: BentCandidate, options: SolidOptions) -> DepthEf
 
 
 def _most_suitable(places: Array, by_turn: bool, similar: tuple[DepthEffect, ...]) -> DepthEffect | None:
-    """Return the known difference of solid and planar shapes that suits a candidate law best, or None.
+    """Return the known depth effect whose range of load states is most similar to that of K load states, or None.
 
-    places: rotation of the tip in rad (``by_turn``), or load from 0 to 1, in each of K load states, (K,). similar: the
-    known differences.
+    A new depth effect (solid minus planar shapes) is computed as a correction of it. places: rotation of the tip in rad
+    if ``by_turn``, else load from 0 to 1, in each of the K states, (K,). similar: the known depth effects.
     """
     near = [e.without_base for e in similar if e.by_turn == by_turn and e.covers(places)]
     farthest = np.abs(places).max()

@@ -78,7 +78,7 @@ class DepthEffect:
     def at(self, place: float) -> Configuration:
         """Return the interpolated difference of the solid and the planar configuration.
 
-        place: rotation of the tip in rad, or load from 0 to 1.
+        place: the value of s: rotation of the tip in rad if ``by_turn``, else load from 0 to 1.
         """
         weights = self._weights(place)
         if self.base is None:
@@ -91,7 +91,7 @@ class DepthEffect:
         Parameters
         ----------
         places : ndarray, shape (K,)
-            Rotation of the tip in rad, or load from 0 to 1, in each state.
+            The value of s in each state: rotation of the tip in rad if ``by_turn``, else load from 0 to 1.
 
         Returns
         -------
@@ -115,7 +115,7 @@ class DepthEffect:
     def _weights(self, place: float) -> list[float]:
         """Return the weights of Lagrange's interpolation between the load states in which the solid model was solved.
 
-        place: rotation of the tip in rad, or load from 0 to 1.
+        place: the value of s: rotation of the tip in rad if ``by_turn``, else load from 0 to 1.
         """
         nodes = (*self.places, *self.places_of_base)
         return [prod((place - s) / (t - s) for s in nodes if s != t) for t in self.places]
@@ -129,13 +129,13 @@ class DepthEffect:
 
     @property
     def places_of_base(self) -> tuple[float, ...]:
-        """The rotations of the tip at which this depth effect equals ``base`` without a computation: zero, or none."""
+        """The values of s at which the depth effect is taken as equal to that of a similar law (``base``): zero, or none."""
         # At a rotation of zero, the difference from ``base`` is taken as zero.
         return (0.0,) if self.base and self.by_turn else ()
 
     @cached_property
     def without_base(self) -> DepthEffect:
-        """The difference of solid and planar shapes as one polynomial, without ``base``."""
+        """The depth effect as one polynomial that does not contain the depth effect of a similar law (``base``)."""
         if self.base is None or not self.places:
             return self.base or self
         scale = self.places[0] / self.base.places[0] if self.by_turn else 1.0
@@ -143,16 +143,16 @@ class DepthEffect:
         return DepthEffect(places, tuple(self.at(place) for place in places), self.by_turn)
 
     def covers(self, places: Array) -> bool:
-        """Return whether the polynomial without ``base`` is valid in all of K load states.
+        """Return whether K load states are at most 10 % outside the range of the one polynomial `without_base`.
 
-        places: rotation of the tip in rad, or load from 0 to 1, in each state, (K,).
+        places: the value of s in each state: rotation of the tip in rad if ``by_turn``, else load from 0 to 1, (K,).
         """
         return bool(self.without_base.reaches(places).all())
 
     def reaches(self, places: Array) -> NDArray[np.bool_]:
-        """Return whether the interpolation is valid in each of K load states, (K,): at most 10 % outside its range.
+        """Return whether each of K load states is at most 10 % outside the range of the interpolation, (K,).
 
-        places: rotation of the tip in rad, or load from 0 to 1, in each state, (K,).
+        places: the value of s in each state: rotation of the tip in rad if ``by_turn``, else load from 0 to 1, (K,).
         """
         solved = (*self.places, *self.places_of_base)
         beyond = _EXTRAPOLATED * np.ptp(solved)
@@ -171,6 +171,7 @@ class DepthEffect:
     def with_one(self, place: float, difference: Configuration) -> DepthEffect:
         """Return the interpolation through one more load state.
 
-        place: rotation of the tip in rad, or load from 0 to 1. difference: solid minus planar configuration.
+        place: the value of s: rotation of the tip in rad if ``by_turn``, else load from 0 to 1. difference: solid minus
+        planar configuration.
         """
         return DepthEffect((*self.places, place), (*self.differences, difference), self.by_turn, self.base)

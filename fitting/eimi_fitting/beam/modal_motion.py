@@ -144,7 +144,10 @@ def squares_by_stiffening(material: Array, rest: Array, mass: Array, stiffening:
 
 
 def _in_unit_mass(material: Array, rest: Array, mass: Array) -> tuple[Array, Array]:
-    """Return two stiffness matrices in coordinates in which the mass matrix is the identity, (B, m, m) each."""
+    """Return K_m and K_g (see the module) in coordinates in which the mass matrix is the identity, (B, m, m) each.
+
+    material, rest, mass: K_m, K_g and the mass matrix, (B, m, m) each.
+    """
     sound = np.isfinite((material + rest + mass).sum(axis=(1, 2)))[:, None, None]
     mass = np.where(sound, mass, np.eye(mass.shape[-1]))
     material, rest = (np.where(sound, part, 0.0) for part in (material, rest))

@@ -180,8 +180,8 @@ def follow(
 ) -> Shapes:
     """Return the shapes of all candidate laws in K load states, solved one state after another.
 
-    keep: whether ``Shapes.every`` is filled. beside: for one candidate, configurations of a similar beam model, one row
-    for each state, near which Newton's method begins.
+    keep: whether to store the configurations of the first candidate (``Shapes.every``). beside: for one candidate,
+    configurations of a similar beam model, one row for each state, near which Newton's method begins.
     """
     p, k_states = len(chosen.sound), len(loads)
     loads_at = loads.on(mesh)
@@ -232,7 +232,8 @@ def at_once(
 ) -> Shapes | None:
     """Return the shapes of all candidate laws in K load states, solved for all states at once; None if this fails.
 
-    near: configurations of a similar beam, one row for each state, with which Newton's method begins.
+    near: configurations of a similar beam, one row for each state, with which Newton's method begins. keep: see
+    `follow`.
     """
     p, k_states = len(chosen.sound), len(loads)
     loads_at = loads.on(mesh)

@@ -1,7 +1,8 @@
 """Smooth deviations of a specimen from its rest shape, as sums of a few modes.
 
-Let x increase from -1 at the clamp to 1 at the end of the flexible part. Bending mode i has a curvature proportional to
-the Legendre polynomial P_i(x) and a largest offset of 1 mm. A mode of the width adds P_1(x) or P_2(x) in mm.
+Let x increase from -1 at the clamp to 1 at the end of the flexible part. Bending mode i = 0, 1, ... has a curvature
+proportional to the Legendre polynomial P_i(x) and a largest offset of 1 mm. A mode of the width adds P_1(x) or P_2(x)
+in mm.
 """
 
 from __future__ import annotations
@@ -28,8 +29,8 @@ def with_modes(
 ) -> Specimen:
     """Return the specimen with smooth deviations added to its rest shape.
 
-    bends_mm: largest offsets of the centre line in mm, toward +y; the curvature is proportional to the Legendre
-    polynomial P_i. widths_mm: amplitudes in mm of the Legendre polynomials P_1 and P_2 that are added to the width.
+    bends_mm: largest offset of the centre line in mm, toward +y, in each bending mode i = 0, 1, ...; its curvature is
+    proportional to the Legendre polynomial P_i. widths_mm: factors in mm on P_1 and P_2, which are added to the width.
     """
     if not any(bends_mm) and not any(widths_mm):
         return specimen
@@ -83,7 +84,7 @@ def bend_offset(bends_mm: Sequence[float] | Array, along: Array) -> Array:
 def _turn(i: int, x: Array, integrals: int = 0) -> Array:
     """Return the angle (``integrals`` = 0) or the offset (``integrals`` = 1) of the centre line in bending mode i.
 
-    x: arc length. Arc length and offset are divided by the length of the flexible part.
+    The largest offset is 1. x: arc length. Arc length and offset are divided by the length of the flexible part.
     """
     turn = Legendre.basis(i, domain=[0.0, 1.0]).integ(lbnd=0.0)
     offset = turn.integ(lbnd=0.0)

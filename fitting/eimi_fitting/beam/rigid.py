@@ -20,7 +20,7 @@ class RigidBody:
         The nodes that move with the body.
     arms : ndarray, shape (T, 2)
         The vectors (x, y) at rest from the reference point of the body to the nodes, in mm.
-    elements : ndarray of int, shape (Et,)
+    elements : ndarray of int, shape (H,)
         The elements that have at least one of the nodes.
     """
 
@@ -51,7 +51,7 @@ class RigidBody:
         displacement[:, self.nodes, 1] = rigid[:, 1:2] + s * x + (c - 1) * y
 
     def matrix(self, rigid: Array) -> Array:
-        """Return the derivatives of the u displacements of Et elements by the motion of the magnet, (Et, B, u, 3).
+        """Return the derivatives of the u displacements of H elements by the motion of the magnet, (H, B, u, 3).
 
         rigid: translation (x, y) in mm and rotation in rad for B candidate laws, (B, 3).
         """

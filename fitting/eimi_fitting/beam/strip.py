@@ -189,9 +189,10 @@ class Strip:
 
 
 def _rescaled(value: Array, before: Array, after: Array) -> Array:
-    """Map n distances from the middle of one beam to distances from the middle of another beam, (n,) in mm.
+    """Map n distances from the middle of one beam to those in another beam, (n,) in mm.
 
-    before, after: half widths (or depths) of the magnet and of the beam, in the first and in the second beam.
+    The map is linear inside the magnet and beside it. before, after: distances of the side of the magnet and of the
+    side of the beam from the middle, in the one beam and in the other beam.
     """
     size = np.abs(value)
     (inner, outer), (new_inner, new_outer) = before, after

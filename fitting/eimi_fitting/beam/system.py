@@ -104,8 +104,8 @@ class System:
         right : ndarray, shape (B, n) or (1, n)
             Right-hand side for the n unknowns of the nodes.
         body : tuple of three ndarrays, or None
-            For the three unknowns of the rigid magnet: derivatives of the unknowns of the Et elements that touch the
-            magnet, (Et, B, d, 3); stiffness, (B, 3, 3); loads, (B, 3) or (1, 3).
+            For the three unknowns of the motion of the rigid magnet: derivatives by it of the unknowns of the H
+            elements that touch the magnet, (H, B, d, 3); stiffness, (B, 3, 3); loads, (B, 3) or (1, 3).
         sound : ndarray of bool, shape (B,)
             True for the candidates that are solved.
         symmetric : bool
@@ -124,7 +124,7 @@ class System:
             return Solution(factor.solve(rest), np.zeros((len(rest), 3)), factor.sound, factor.indefinite)
         tie, further, pull = body
         tied_stiffness, follow = np.concatenate(tied_parts), tie.swapaxes(-1, -2)
-        rows = np.matmul(follow, tied_stiffness)  # (Et, B, 3, d)
+        rows = np.matmul(follow, tied_stiffness)  # (H, B, 3, d)
         corner = np.matmul(rows, tie).sum(axis=0) + further
         pull = pull - np.matmul(follow, force[self._tied][..., None])[..., 0].sum(axis=0)
         both = np.concatenate([rest, pull], axis=1)
@@ -167,7 +167,7 @@ class System:
     def _body_coupling(self, rows: Array) -> Array:
         """Return the stiffness between the magnet and m unknowns of the nodes around it, (B, 3, m).
 
-        rows: the contributions of Et elements with d unknowns to B systems, (Et, B, 3, d).
+        rows: the contributions of H elements with d unknowns to B systems, (H, B, 3, d).
         """
         e, b, _, d = rows.shape
         total = self._gather @ rows.transpose(0, 3, 1, 2).reshape(e * d, b * 3)
@@ -225,8 +225,8 @@ class FactoredSystem:
     stiffness : ndarray, shape (E, B, d, d)
         Symmetric matrices of E elements with d unknowns each.
     body : tuple of two ndarrays, or None
-        For the three unknowns of the magnet: the derivatives of the unknowns of Et elements by them, (Et, B, d, 3), and
-        the stiffness, (B, 3, 3).
+        The derivatives of the unknowns of the H elements that touch the magnet by its motion, (H, B, d, 3), and the
+        stiffness of the magnet against this motion due to loads, (B, 3, 3). None without a magnet.
 
     Attributes
     ----------

@@ -64,7 +64,8 @@ def twist_per_tilt(
     force_N : ndarray, shape (K, S - 1, 2)
         Force (x, y) in N that the part of the beam toward the tip exerts between neighbouring cross-sections.
     couple_N_m : ndarray, shape (K, 2)
-        Magnetic moment in A m^2 times the field vector (x, y) in T, after a rotation of this vector by +90 degrees.
+        Components (x, y) of the moment of the field on the magnet, divided by the angle between magnetisation and
+        plane: m_0 z × B with the magnetic moment m_0, the normal z of the plane, and the field B.
     out_of_plane_N_m2, torsion_N_m2 : float
         Stiffness against bending out of the plane, and torsional stiffness, in N m².
     """

@@ -155,7 +155,7 @@ class Vibration:
         """Return the lowest m undamped modes of B candidate laws, scaled to unit mass, (m, B, n) and (m, B, 3).
 
         The first result has n unknowns of the nodes, the second the motion of the magnet. stiffness: of E elements, (E,
-        B, u, u). tie: derivatives of Et elements' displacements by the motion of the magnet, (Et, B, u, 3).
+        B, u, u). tie: derivatives of the displacements of the H elements at the magnet by its motion, (H, B, u, 3).
         """
         b, places = len(now.rigid), self.model.mesh.nodes
         along = 2 * places[:, 0] / np.ptp(places[:, 0]) - 1
@@ -188,10 +188,10 @@ class Vibration:
         return free, rigid
 
     def _local(self, free: Array, rigid: Array, tie: Array | None) -> Array:
-        """Return the displacements of the nodes of each of E elements in m shapes, (m, E, B, u) in mm.
+        """Return the u displacements of each of E elements in m shapes for B candidate laws, (m, E, B, u) in mm.
 
-        free: n unknowns of the nodes, (m, B, n). rigid: motion of the magnet, (m, B, 3). tie: derivatives of Et
-        elements' displacements by it, (Et, B, u, 3).
+        free: n unknowns of the nodes, (m, B, n). rigid: motion of the magnet, (m, B, 3). tie: derivatives of the
+        displacements of the H elements at the magnet by its motion, (H, B, u, 3).
         """
         solid = self._solid
         m, b = free.shape[:2]
@@ -244,7 +244,7 @@ class Vibration:
     def _times_mass(self, free: Array, rigid: Array, tie: Array | None, now: Configuration) -> tuple[Array, Array]:
         """Return the mass matrix times m shapes: n unknowns of the nodes, (m, B, n), and the magnet, (m, B, 3).
 
-        free, rigid: the shapes. tie: derivatives of Et elements' displacements by the magnet's motion, (Et, B, u, 3).
+        free, rigid, tie: as in `_local`.
         """
         local = self._local(free, rigid, tie)
         m, e, b, u = local.shape
@@ -290,8 +290,8 @@ def _tangents(
     -------
     material, rest : ndarray, shapes (E, B, u, u)
         The stiffness due to the tangent of the law, and that due to stresses and loads, for E elements.
-    tie : ndarray, shape (Et, B, u, 3), or None
-        Derivatives of the displacements of Et elements by the motion of the magnet.
+    tie : ndarray, shape (H, B, u, 3), or None
+        Derivatives of the displacements of the H elements at the magnet by its motion.
     body_rest : ndarray, shape (B, 3, 3)
         The stiffness of the magnet due to the loads on it.
     """

@@ -181,11 +181,11 @@ def _changes_by_sources(experiments: Sequence[Experiment], law: SumOfTerms, abou
 def _whitened(
     experiment: Experiment, misfit: Misfit, model_error: Array, slopes: Array, nuisances: Array, about: Array
 ) -> tuple[Rows, float]:
-    """Return the equations of one beam, transformed to independent errors of variance 1, and the noise in mm.
+    """Return the linear equations of one beam, scaled to independent errors of variance 1, and the noise in mm.
 
     model_error: error of the beam model, mm, (K, 2, m) for K states and two groups of m points. slopes: derivatives of
-    the residuals by J coefficients, mm/Pa, (J, K, 2, m). nuisances: changes of the residuals by q errors of inputs of
-    one standard uncertainty, mm, (q, K, 2, m). about: the coefficients, Pa, (J,).
+    the residuals by J coefficients of the law, mm/Pa, (J, K, 2, m). nuisances: changes of the residuals by q errors of
+    inputs of one standard uncertainty, mm, (q, K, 2, m). about: coefficients at which the residuals were computed, Pa.
     """
     residuals, weights = misfit.residuals[0], misfit.weights
     used = weights > 0

@@ -73,8 +73,7 @@ class Discovery:
         Sets that agree with the data and contain no smaller set that agrees; the smallest come first.
     open_terms : dict of Term to float
         Terms that the data neither require nor exclude, and the share of the stress at ``strain`` that each could
-        carry;
-        empty if there are several alternatives.
+        carry; empty if there are several alternatives.
     strain : float
         Largest engineering strain of the tensile curves; 1 without a curve.
     library : tuple of Term
@@ -108,7 +107,7 @@ class Discovery:
 
     @property
     def explained(self) -> bool:
-        """Return whether the prediction errors of the first alternative are below 1.5 times the noise."""
+        """Return whether the smallest set of terms (the first of ``alternatives``) predicts to 1.5 times the noise."""
         return self.alternatives[0].held_out_error < _NOISE_ALONE
 
     @property
@@ -179,8 +178,7 @@ def discover(
     ------
     ValueError
         If there are no data, if the library contains a term twice, or if no usable term contributes to the initial
-        shear
-        modulus.
+        shear modulus.
     CannotFit
         If a tensile curve cannot be used.
     NoEquilibrium

@@ -119,11 +119,13 @@ class InvariantEnergy(ABC):
 class InvariantLaw(InvariantEnergy):
     """The base class of laws whose strain energy is a function of the invariants I1 and I2.
 
-    A subclass defines the energy, the initial shear modulus and the coordinates of the search.
+    A subclass defines the energy with its derivatives (`coefficients`), the initial shear modulus and the coordinates
+    of the search.
 
     Examples
     --------
-    The law of Gent, W = -mu Jm/2 ln(1 - (I1 - 3)/Jm) (Gent 1996, Rubber Chem. Technol. 69:59), as a subclass:
+    The law of Gent, W = -mu Jm/2 ln(1 - (I1 - 3)/Jm) (Gent 1996, Rubber Chem. Technol. 69:59), as a subclass. Its
+    method ``coefficients`` returns W, dW/dx, dW/dy and d²W/dx², with x = I1 - 3 and y = I2 - 3:
 
     >>> from dataclasses import dataclass
     >>> @dataclass(frozen=True)

@@ -192,7 +192,7 @@ def linear_least_squares(law: Law, strain: Array, stress: Array, weight: Array) 
 
 
 def bounded_least_squares(law: Law, strain: Array, stress: Array, weight: Array) -> StressFit:
-    """Fit any law to a tensile curve: a search varies dimensionless ratios, and least squares gives the modulus."""
+    """Fit any law to a tensile curve: a search varies dimensionless parameters, and least squares gives the modulus."""
     bounded = law.coordinates[1:]
     lower, upper = np.array([c.lower for c in bounded]), np.array([c.upper for c in bounded])
     target = weight * stress
@@ -233,8 +233,8 @@ def _with_intervals(
 ) -> StressFit:
     """Return a tensile fit with 95 % intervals.
 
-    `x` holds the initial shear modulus and the ratios, `curve` returns the weighted stress, and `lower` and `upper` are
-    the bounds of the ratios.
+    `x` holds the initial shear modulus and dimensionless numbers that the search varies, such as C20/C10. `curve`
+    returns the weighted stress. `lower` and `upper` are the bounds of these numbers.
     """
 
     def parameters_at(coordinates: Array) -> Array:

@@ -24,7 +24,8 @@ Array = NDArray[np.float64]
 def _stability_polynomial() -> Array:
     """Return the coefficients of the polynomial whose smallest positive root gives the stability limit, (10, 3).
 
-    Row k belongs to (q - 1)^k, with the square q of the equal stretches. The columns belong to C10, C20 and C30.
+    Row k belongs to (q - 1)^k, where q is the square of the stretch in equibiaxial tension. The columns belong to C10,
+    C20 and C30.
     """
     # The law is stable where D = W' (W' I2 + W'' (I1 I2 - 9)) > 0, the determinant of the restricted Hessian up to a
     # positive factor; a prime is d/dI1. Equibiaxial tension loses stability first: of all deformations with the same I1

@@ -129,11 +129,11 @@ def _largest_loss(windows: Sequence[Window]) -> float:
 
 
 def scatter_of(windows: tuple[Window, ...], used: int, mode: Array) -> Array:
-    """Return the errors of ln(frequency) and loss factor due to a swinging weight, (2,).
+    """Return the errors of ln(frequency) and loss factor, (2,), estimated from their changes between time windows.
 
-    used: number of fitted windows. mode: ln(angular frequency) and loss factor of the fit, (2,).
+    They change because a swinging weight exchanges energy with the beam. used: number of windows from the first to the
+    last one that is fitted. mode: ln(angular frequency) and loss factor of the fit, (2,).
     """
-    # The weight exchanges energy with the beam, so that frequency and loss factor change during the recording.
     values = np.array([[np.log(2 * np.pi * w.frequency_Hz), w.loss] for w in windows]).reshape(-1, 2)
     sigmas = np.array([[w.frequency_sigma_Hz / w.frequency_Hz, w.loss_sigma] for w in windows]).reshape(-1, 2)
     is_large = np.array([w.amplitude_mm > _SMALL * windows[0].amplitude_mm for w in windows], bool)[:used]

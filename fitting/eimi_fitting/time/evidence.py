@@ -263,7 +263,7 @@ class RestEvidence:
         return RestEvidence(modulus, float(np.hypot(_SAG_ERROR, at * straight)))
 
     def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return the residual of ln(modulus at rest) for P candidate laws, (P, 1)."""
+        """Return ln(modulus of the law after 10⁴ s / modulus from the sag) over its uncertainty, for P laws, (P, 1)."""
         at_rest = instantaneous_Pa * series.ratio(np.array([AT_REST_S]))[:, 0]
         return np.asarray(np.log(at_rest / self.modulus_Pa)[:, None] / self.sigma)
 

@@ -239,7 +239,7 @@ def identify_time(
 
 
 def _doubts_of_section(table: RingTable) -> list[str]:
-    """Return a warning if a three-dimensional model gives another modulus than the section of the specimen file."""
+    """Return a warning if a solid model gives another modulus than the planar model chosen in the specimen file."""
     try:
         change = table.solid_over_stated_modulus() - 1
     except NoEquilibrium:

@@ -119,7 +119,7 @@ class Problem:
         return {key: np.concatenate([part[key] for part in parts], axis=1) for key in sources}
 
     def chi(self, unknowns: Array) -> Array:
-        """Return the root of the sum of the squared residuals for P candidate laws, (P,).
+        """Return the square root of the sum of the squared residuals for P candidate laws, (P,).
 
         unknowns: the m unknowns of each law, (P, m).
         """
@@ -130,7 +130,7 @@ class Problem:
 
 @dataclass(frozen=True)
 class _Values:
-    """The roots of the sums of the squared residuals of P candidate laws, in the form that `search` needs."""
+    """The square root of the sum of squared residuals for each of P candidate laws, in the form that `search` needs."""
 
     objective_mm: Array
     unconverged: NDArray[np.bool_]

@@ -32,12 +32,14 @@ _NODES = 65  # of a curve
 class LoadCurve:
     """The moment of the loads on a beam as a function of the rotation of the tip.
 
+    Moments are divided by a constant of the beam in m³ and have the unit Pa rad.
+
     Attributes
     ----------
     rotation : ndarray, shape (m,)
         Increasing rotations in rad.
     moment : ndarray, shape (m,)
-        Moment at each rotation, as the product of the shear modulus in Pa and the rotation in rad that balances it.
+        Moment at each rotation; in equilibrium it equals the shear modulus times the rotation.
     of_field : ndarray, shape (m,)
         Part of ``moment`` that is proportional to the magnetic field.
     """
@@ -72,7 +74,7 @@ class LoadCurve:
         return LoadCurve(ends, -stiffness_Pa * ends, 0 * ends)
 
     def at(self, rotation: Array) -> tuple[Array, Array]:
-        """Return the scaled moment of the loads (Pa rad) and its derivative (Pa) at P rotations, (P,) each."""
+        """Return the moment of the loads (Pa rad) and its derivative by the rotation (Pa) at P rotations, (P,) each."""
         x, y, slopes = self.rotation, self.moment, self._slopes
         i = np.searchsorted(x[1:-1], rotation)
         return y[i] + slopes[i] * (rotation - x[i]), slopes[i]
@@ -203,9 +205,10 @@ class CreepHistories:
 
 
 def _lines(rotations: Array, moments: Array) -> Array:
-    """Return slopes (Pa) and values at 0 (Pa rad) of the lines between the points of load curves, (2, curves * lines).
+    """Return slopes and values at 0 of the lines between neighbouring points of load curves, (2, curves * lines).
 
-    rotations, moments: the points in rad and Pa rad, (curves, lines + 1).
+    rotations, moments: the points of each `LoadCurve` (moment of the loads at a rotation of the tip), in rad and Pa
+    rad, (curves, lines + 1).
     """
     slopes = np.diff(moments, axis=1) / np.diff(rotations, axis=1)
     return np.stack([slopes.ravel(), (moments[:, :-1] - slopes * rotations[:, :-1]).ravel()])

@@ -46,8 +46,8 @@ class ModalFit:
     modes : ndarray, shape (m, 2)
         ln(angular frequency in rad/s) and loss factor of each mode.
     bend : ndarray, shape (2,)
-        Relative change of the frequency, and half of the change of the loss factor, from small amplitudes to the first
-        frame, for the first mode.
+        kappa_1 and kappa_2: relative change of the frequency, and half of the change of the loss factor, from small
+        amplitudes to the first frame, for the first mode.
     has_bend : bool
         Whether ``bend`` was fitted.
     chi2 : float
@@ -203,7 +203,8 @@ def with_more_modes(fitted: ModalFit) -> ModalFit:
 def exponent(time: Array, mode: Array, bend: Array) -> NDArray[np.complex128]:
     """Return the complex exponent psi of a damped vibration Re(a exp(psi)) at n times, (n,).
 
-    mode: ln(angular frequency in rad/s) and loss factor, (2,). bend: as in `ModalFit`, or empty.
+    mode: ln(angular frequency in rad/s) and loss factor, (2,). bend: changes kappa_1 and kappa_2 with the amplitude, as
+    in the module, (2,), or empty.
     """
     omega, loss = np.exp(mode[0]), mode[1]
     delta = 0.5 * loss * omega
@@ -217,8 +218,8 @@ def exponent(time: Array, mode: Array, bend: Array) -> NDArray[np.complex128]:
 def design_matrix(time: Array, modes: Array, bend: Array) -> Array:
     """Return the functions of time whose linear combinations are fitted to a ring-down, one in each column.
 
-    modes: ln(angular frequency in rad/s) and loss factor of each mode, (m, 2). bend: changes of frequency and loss
-    factor of the first mode at large amplitudes, (2,), or empty.
+    modes: ln(angular frequency in rad/s) and loss factor of each mode, (m, 2). bend: changes kappa_1 and kappa_2 of
+    the first mode with the amplitude, as in the module, (2,), or empty.
     """
     t = time - time[0]
     first = exponent(t, modes[0], bend)

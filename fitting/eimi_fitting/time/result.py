@@ -131,7 +131,7 @@ class LawOfTime:
     known_between_s : tuple of float
         Range of times in which the data determine mu(t) to 5 %.
     moment : Quantity or None
-        Factor on the magnetic moment at which static states and motions agree.
+        Factor on the given magnetic moment with which static states and motions give the same modulus.
     static_age_s : float or None
         Median time from a static load to the measurement of the edges.
     modulus_by_time : tuple of ModulusAt

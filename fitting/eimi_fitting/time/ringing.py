@@ -1,9 +1,10 @@
 """The frequencies and loss factors of a specimen's free vibrations, as functions of its viscoelastic law.
 
-In a vibration exp(s t), the shear modulus at rest is multiplied by a complex ratio r(s). The squared angular frequency
-lambda of a mode is computed for a few moduli at rest and a few real r, and interpolated; a polynomial in 1/r gives
-lambda/r for complex r. The rate s is the solution of s² = -lambda(r(s)). The modes are those of a planar model, with
-factors that correct them to a three-dimensional model if the section is solid.
+In a vibration exp(s t), the modulus is the shear modulus at rest times a complex ratio r(s). The squared angular
+frequency lambda of a mode is computed for a few moduli at rest and a few real ratios r. It is interpolated between the
+moduli. For complex r, lambda is r times a polynomial in 1/r, which is fitted to the values for real r. The rate s is
+the solution of s² = -lambda(r(s)). The modes are those of a planar model. Factors correct them to a more accurate
+model, which is three-dimensional if the specimen file has ``section = "solid"``.
 """
 
 from __future__ import annotations
@@ -118,16 +119,13 @@ class RingTable:
 
     @cached_property
     def _correction(self) -> tuple[Array, Array]:
-        """Factors that correct the moduli and the squared frequencies of three planar modes, (3,) each."""
+        """Factors on modulus and squared frequency that correct three modes of the planar model, (3,) each."""
         # With the factors, lambda at both `_RATIOS` is that of the three-dimensional model or finer mesh.
         at = np.clip(np.log([self.middle_Pa * self.planar_over_solid_modulus]), *np.log(self.range_Pa))
         squares = self._squares(at, np.zeros(1), _MODES)
 
         def logs(log_factors: Array) -> Array:
-            """Return ln(squared angular frequency) of three modes for two stiffnesses of the material, (3, 2).
-
-            log_factors: logarithm of a factor on the stiffness, for each mode.
-            """
+            # ln(squared angular frequency) of three modes at both `_RATIOS`, (3, 2), with a factor on the modulus
             ratios = np.outer(_RATIOS, np.exp(log_factors)).astype(complex)
             return np.stack([np.log(np.real(squares(one[None]))[0]) for one in ratios], axis=1)
 
@@ -212,9 +210,9 @@ class RingTable:
         Returns
         -------
         factors : ndarray, shape (3, 2)
-            Ratios of the squared angular frequencies of three modes at two moduli.
+            Squared angular frequencies of three modes at both `_RATIOS`: fine mesh divided by coarse mesh.
         turn_deg : float
-            Change of the rotation of the tip.
+            Rotation of the tip: fine mesh minus coarse mesh.
         """
         # The mesh of the three-dimensional model is as coarse as that of ``coarse``.
         beam, fine = self.beam, BeamModel(coarse.specimen, coarse.along, _FINE_ACROSS, coarse.plane)
@@ -263,7 +261,7 @@ class RingTable:
 
 
 def _eigenvalues(motion: ReducedMotion) -> Array:
-    """Return the squared angular frequencies of three modes for two stiffnesses of the material, (3, 2) in 1/s²."""
+    """Return the squared angular frequencies of three modes for the modulus times each of `_RATIOS`, (3, 2) in 1/s²."""
     ratios = np.array(_RATIOS)
     squares = squares_by_stiffening(motion.material, motion.rest, motion.mass, ratios, _MODES)
     return np.asarray(squares[0].T)

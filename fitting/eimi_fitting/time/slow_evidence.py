@@ -83,7 +83,8 @@ class CreepEvidence:
     label : str
         Where the recording comes from.
     shown : tuple of ndarray, or None
-        True rotations in rad, increasing, and the rotations that would be measured.
+        Table of the systematic error of the measurement for a strongly bent beam: increasing true rotations, and the
+        rotations that would be measured, in rad. None: no error.
     """
 
     history: LoadHistory
@@ -114,9 +115,10 @@ class CreepEvidence:
         return self.shown_at(history.rotations(instantaneous_Pa, series, np.exp(load_log))[0])
 
     def residuals_at(self, true: Array) -> Array:
-        """Return the residuals of k rotations of the tip, and one of the vibration's prior, for P laws, (P, k + 1).
+        """Return the residuals of k measured rotations of the tip and of one prior for P candidate laws, (P, k + 1).
 
-        true: the computed rotations at k times in rad, (P, k).
+        The prior is that of the shift of the mean rotation by the free vibration. true: the rotations at k times that
+        each law predicts, in rad, (P, k).
         """
         gap = self.shown_at(true) - self.rotation
         error = _RECOVERY_ERROR if self.shown is None else _CREEP_ERROR
@@ -126,7 +128,7 @@ class CreepEvidence:
         sigma = np.hypot(self.sigma, error * np.ptp(self.rotation))
         of_square = 0.0 if self.shown is None else _OF_SQUARE
         # Two unknown parts of the measured rotation are eliminated: a constant, and the shift of the mean rotation by
-        # the free vibration. The last residual is that of the prior of this shift.
+        # the free vibration.
         unknown = np.zeros((len(sigma) + 1, 2))
         unknown[:-1] = np.stack([1 / sigma, of_square * self.squares / sigma], axis=1)
         unknown[-1, 1] = 1.0

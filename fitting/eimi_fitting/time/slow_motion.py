@@ -86,7 +86,7 @@ def shown_rotations(
 def modulus_in_pictures(beam: RingingBeam, modulus_Pa: float, motion: Motion) -> float:
     """Return the shear modulus (Pa) for which the computed beam is bent as far as the beam in the recorded frames.
 
-    modulus_Pa: a typical shear modulus, the result if the modulus hardly changes the rotation.
+    modulus_Pa: a typical shear modulus, which is returned if the frames do not determine a modulus.
     """
     model, places = beam.planar(), _places(beam, motion.rest_mm)
     # A beam that creeps is softer than one that vibrates.
