@@ -176,7 +176,7 @@ def tried(mutant: Mutant, copy: Path) -> tuple[str, str]:
 
 
 def _tried_without(left_out: Sequence[str], mutant: Mutant, copy: Path) -> tuple[str, str]:
-    """Try a mistake without some tests; ``left_out`` has options of pytest."""
+    """Do the same as `tried`, without the tests that ``left_out`` (options of pytest) deselects."""
     file = copy / mutant.file
     right, stat = file.read_bytes(), file.stat()
     file.write_text(mutant.applied(right.decode("utf-8")), encoding="utf-8")

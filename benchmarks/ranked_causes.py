@@ -142,7 +142,7 @@ class Ranked:
 
     @property
     def is_in_first_two_classes(self) -> bool:
-        """Whether the true cause is one of the two most probable ones, or cannot be distinguished from them by the data."""
+        """Whether the true cause is one of the two most probable ones, or the data cannot tell it from one of them."""
         return self.is_second or self._is_in_first_classes(len(self.true) + 1)
 
     def _is_in_first_classes(self, count: int) -> bool:

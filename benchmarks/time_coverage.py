@@ -273,7 +273,8 @@ def reduced() -> Iterator[None]:
 def outcome(seed: int, is_whole: bool) -> dict[str, Any]:
     """Draw a material from a seed, simulate its measurement, fit the measurement, and return the result.
 
-    The result has the true value, the fitted value and the 95 % interval of each quantity, and numbers about the fit.
+    The result has the true value, the fitted value and the 95 % interval of each quantity, and the chi-square, the
+    warnings and the processor time of the fit.
     """
     began, rng = time.process_time(), np.random.default_rng([seed, 31])
     instantaneous, series = drawn_material(rng)

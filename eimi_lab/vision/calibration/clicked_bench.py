@@ -32,7 +32,7 @@ Points = Annotated[tuple[Pair, ...], Field(strict=False)]
 
 
 class ClickedBench(Document):
-    """Points (px) that a person clicked on a photograph of clamp, beam and ruler, and further facts that are entered."""
+    """Points (px) that a person clicked on a photograph of clamp, beam and ruler, and further entries of the person."""
 
     clamp_px: Points = Field(min_length=1, max_length=2)
     """Middle of the line at which the beam leaves its clamp, or both ends of this line."""

@@ -68,7 +68,7 @@ class Side:
     sigma_px : ndarray, shape (n,)
         Standard deviation of the offset due to image noise, not yet multiplied by the factor `scatter_scale`.
     common_px : ndarray, shape (n,)
-        The same due to the uncertain width of the silicone beside the magnet, which is fitted together with the edge.
+        Standard deviation of the offset due to the fitted width of the silicone beside the magnet, not yet multiplied.
     sound : ndarray of bool, shape (n,)
         Whether an edge was detected at each point.
     stride : int

@@ -20,7 +20,7 @@ _Layer = tuple[NDArray[np.integer], NDArray[np.integer], bool]
 def bandwidth(dofs: Indices) -> int:
     """Return the largest distance of nonzero entries of the assembled stiffness matrix from its main diagonal.
 
-    dofs: numbers of the d unknowns of each of E elements, (E, d); -1 for a fixed unknown.
+    dofs: indices of the d unknowns of each of E elements, (E, d); -1 for a fixed unknown.
     """
     return int((dofs.max(axis=1) - np.where(dofs < 0, dofs.max(), dofs).min(axis=1)).max())
 
@@ -36,7 +36,7 @@ class BandAssembly:
     Parameters
     ----------
     dofs : ndarray of int, shape (E, d)
-        Numbers of the d unknowns of each of E elements; -1 for a fixed unknown.
+        Indices of the d unknowns of each of E elements; -1 for a fixed unknown.
     n : int
         Number of unknowns of the mesh.
     at_once : int or None

@@ -129,7 +129,7 @@ class DepthEffect:
 
     @property
     def places_of_base(self) -> tuple[float, ...]:
-        """The values of s at which the depth effect is taken as equal to that of a similar law (``base``): zero, or none."""
+        """The values of s at which the depth effect is taken as that of a similar law (``base``): zero, or none."""
         # At a rotation of zero, the difference from ``base`` is taken as zero.
         return (0.0,) if self.base and self.by_turn else ()
 

@@ -50,7 +50,7 @@ class System:
     Parameters
     ----------
     dofs : ndarray of int, shape (E, d)
-        Numbers of the d unknowns of each of E elements; -1 if an unknown is fixed or belongs to the magnet.
+        Indices of the d unknowns of each of E elements; -1 if an unknown is fixed or belongs to the magnet.
     n : int
         Number of unknowns of the nodes.
     tied : ndarray of int or None
@@ -201,7 +201,7 @@ class System:
 def structure_of(dofs: Indices, n: int, tied: Indices | None, at_once: int | None = None) -> System:
     """Return the object that assembles and solves the linear equations of a mesh.
 
-    dofs: numbers of the d unknowns of each of E elements, (E, d); -1 for none. n: number of unknowns of the nodes.
+    dofs: indices of the d unknowns of each of E elements, (E, d); -1 for none. n: number of unknowns of the nodes.
     tied: indices of the elements at the magnet. at_once: number of elements in memory at a time.
     """
     if at_once is not None:

@@ -160,7 +160,7 @@ class Law(Protocol):
 
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:
-        """The coordinates of the search for the parameters: the initial shear modulus (Pa), then ratios."""
+        """The coordinates of the search for the parameters: the initial shear modulus (Pa), then dimensionless ones."""
 
     def from_coordinates(self, x: Array) -> Array:
         """Convert coordinates (the quantities that the search varies) into parameters of the law.

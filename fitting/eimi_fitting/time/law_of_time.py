@@ -279,7 +279,10 @@ _STRETCH = 2.0
 
 
 def _features(terms: Terms, unknowns: Array, omegas: Array) -> Array:
-    """Return f numbers that describe each of P laws of time, such as ln(modulus) at ``omegas`` (rad/s), (P, f)."""
+    """Return f quantities of each of P laws of time, such as ln(modulus) at ``omegas`` (rad/s), (P, f).
+
+    The random draws approximate the residuals by a linear function of them.
+    """
     instantaneous, series = terms.split(unknowns[:, :-1])
     ratio = series.complex_ratio(np.broadcast_to(1j * omegas, (len(unknowns), len(omegas))))
     moduli = instantaneous[:, None] * series.ratio(_FEATURE_TIMES_S)

@@ -174,7 +174,7 @@ class RingTable:
 
     @cached_property
     def _better(self) -> tuple[Array, float, Array]:
-        """The results of an accurate beam model, from which the planar model is corrected."""
+        """Frequency ratios, factor on the modulus, and squared frequencies with which the planar model is corrected."""
         beam, parameters = self.beam, self.beam.parameters(np.array([self.middle_Pa]))
         planar = beam.planar()
         plain, _ = beam.vibration(planar).about(beam.law, parameters, beam.loads)
