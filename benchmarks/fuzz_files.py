@@ -4,7 +4,8 @@
 
 The files are datasets, TOML files, fits.json, tensile curves and images. A process that dies, or that needs more than
 10 s of processor time for a file, counts as a fault. With --recover, damaged datasets are recovered as by `eimi
-recover`. A process that dies or is slow is then no fault, because `eimi recover` runs it apart and ends it.
+recover`. A process that dies or is slow is then no fault, because `eimi recover` reads a file in a second process with
+limits of time and memory.
 """
 
 from __future__ import annotations

@@ -4,8 +4,8 @@ python -m benchmarks.imperfect_rigs [--seeds N] [--short] [--both] [--measured] 
     [--first SEED] [--keep FOLDER] [--record FILE]
 
 Such a property is an imperfection, for example a tilted camera; CAUSE selects imperfections by name. Two lines are
-printed for each fit: the error of the modulus with its 95 % intervals, and the rank of the true cause among the causes
-that the fit compares. The last lines count the ranks.
+printed for each fit: the error of the modulus with its 95 % intervals, and the place of the true cause among the
+causes that the fit compares, the most probable first. The last lines count these places.
 
 --seeds     The number of seeds of the noise (by default 5); --short uses one seed.
 --first     The first seed.
