@@ -68,7 +68,8 @@ class Side:
     sigma_px : ndarray, shape (n,)
         Standard deviation of the offset due to image noise, not yet multiplied by the factor `scatter_scale`.
     common_px : ndarray, shape (n,)
-        Standard deviation of the offset due to the fitted width of the silicone beside the magnet, not yet multiplied.
+        Standard deviation of the offset due to the uncertain width of the silicone beside the magnet, not yet
+        multiplied by this factor.
     sound : ndarray of bool, shape (n,)
         Whether an edge was detected at each point.
     stride : int
