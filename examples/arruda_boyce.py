@@ -83,7 +83,7 @@ class ArrudaBoyce(InvariantLaw):
         Raises
         ------
         NotInSolver
-            The program has no such law. The law of SOFA has chains of one fixed length.
+            The program has no such law with a free `lambda_m`, which is fixed in SOFA.
         """
         mu, locking = p["mu"], p["lambda_m"]
         match solver:

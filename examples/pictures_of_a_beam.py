@@ -61,7 +61,7 @@ def write(path: Path, image: np.ndarray, in_perspective: bool) -> None:
     image : np.ndarray, shape (height, width, 3)
         The picture with the colours blue, green and red.
     in_perspective : bool
-        True if the file must contain a focal length. Its value belongs to the distance `STAND_OFF_MM` of the camera.
+        True to store the focal length of a camera at the distance `STAND_OFF_MM` in the file.
     """
     exif = Image.Exif()
     exif[Base.Make] = "simulated"

@@ -206,7 +206,7 @@ def _document(model: type[Document]) -> str:
 
 
 def _uncertainties(file: File, examples: Mapping[str, str]) -> str:
-    """Return the Markdown of the table [uncertainty] of a file, with one row for each input of the table."""
+    """Return the documentation of the TOML table [uncertainty] of a file, with one row for each key."""
     meanings = {key: f"Standard uncertainty of the {SOURCES[source].words}." for key, source in keys_of(file).items()}
     if file == "calibration":
         meanings[FOCAL_LENGTH] = "Standard uncertainty of the focal length; `eimi calibrate` writes it."

@@ -144,7 +144,7 @@ class Coil:
         return switch_off(self.supply, self._clock)
 
     def count_the_end(self, ago_s: float = 0.0) -> None:
-        """Set the start of the time limit for the final ramp to zero current to `ago_s` seconds before now.
+        """Let the time limit for the final ramp to zero current begin `ago_s` seconds before now.
 
         Only the first call has an effect.
         """

@@ -316,12 +316,12 @@ def _how_off(event: OffConfirmed) -> str:
 
 
 def off_after(off: OffConfirmed | OffNotConfirmed | None, seconds: float) -> str:
-    """Return a sentence that says that the coil is off after a person pressed STOP, for the web page.
+    """Return a sentence for the web page: the coil is off after a person pressed STOP.
 
     Parameters
     ----------
     off : OffConfirmed, OffNotConfirmed or None
-        The last event about the coil.
+        The last event about the coil; OffConfirmed adds details.
     seconds : float
         Time from STOP to the confirmation, s.
     """

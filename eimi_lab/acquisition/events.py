@@ -80,8 +80,8 @@ class ShapeChange:
 
     The beam at rest after the last load cycle is compared with the beam at rest in the earlier cycle `since_cycle`; 0
     means before the first cycle. `tip_moved_px` and `tip_moved_mm` are the distance between the two positions of the
-    tip (pixels and mm); null if the tip is not visible in both images. `difference_ratio` is then the difference of the
-    two images, divided by the difference that the noise of the camera alone causes; otherwise null.
+    tip (pixels and mm). If the tip is not visible in both images, they are null, and `difference_ratio` is the
+    difference of the two images, divided by the difference that the noise of the camera alone causes.
     """
 
     current_A: float

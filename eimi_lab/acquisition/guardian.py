@@ -61,7 +61,7 @@ class Ward:
     identity : tuple or None
         Identification text and serial number of the run's supply; None until they are known.
     recognised : bool
-        Whether a supply without a serial number is accepted although its output is off and no current flows.
+        Whether the run measured a current of the supply, which shows that it is the supply of the coil.
     """
 
     driver: str
@@ -138,7 +138,7 @@ class Guardian:
         self._send(SUPPLY + json.dumps([identity.text, identity.serial_number]).encode())
 
     def recognise(self) -> None:
-        """Tell the guardian process to accept the supply at the known address even if its output is off."""
+        """Tell the guardian process that a measured current shows that this supply is the supply of the coil."""
         self._send(RECOGNISED)
 
     def beat(self) -> None:

@@ -270,7 +270,10 @@ def _compare(ward: Ward, supply: PowerSupply) -> str:
 
 
 def _find_off(supply: PowerSupply, was_on: set[bool]) -> bool:
-    """Return whether the output is off and was off in every earlier attempt; if it is on, add True to `was_on`."""
+    """Return whether the output is off, and was off at all earlier attempts to switch it off.
+
+    `was_on` contains True if an attempt found the output on; this function adds it.
+    """
     with suppress(InstrumentError):
         if supply.output_on():
             was_on.add(True)

@@ -65,7 +65,7 @@ class Interlocks:
                 self._open(rule, None, silent_s)
 
     def restart(self) -> None:
-        """Let `check_silence` count the time of each reading from its next value, after the output was off."""
+        """Forget the times of all readings after the output was off, so that `check_silence` waits for new values."""
         self._came_s.clear()
 
     def refuse_to_begin(self, readings: Mapping[str, float]) -> None:

@@ -1,7 +1,7 @@
 """React to signals such as Ctrl-C during a long operation of a run.
 
-The supply, the camera and the writer of the dataset call an `Interruption` during their operations. Inside its context
-`heeding`, the call is passed to the run.
+The supply, the camera and the writer of the dataset call methods of an `Interruption` during their operations. Inside
+`with heeding(run)`, these methods let the run react; otherwise they do nothing.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Interruption:
 
     @contextmanager
     def heeding(self, run: Heeded) -> Iterator[None]:
-        """Let `run` react to signals, such as Ctrl-C, in the calls to this object during the with statement."""
+        """Let the other methods make `run` react to signals, such as Ctrl-C, inside the with statement."""
         self._run = run
         try:
             yield

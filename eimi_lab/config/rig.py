@@ -164,7 +164,10 @@ class Camera(Table):
         return self
 
     def at_rate(self, rate_Hz: float | None) -> Camera:
-        """Return the table [camera] with the frame rate ``rate_Hz``, or unchanged if this rate does not apply."""
+        """Return the table [camera] with the frame rate ``rate_Hz``.
+
+        The table stays unchanged for None, for a camera with a rate or a trigger, and for frames read from files.
+        """
         plays = self.driver == PLAYER and not str(self.source).isdecimal()
         if rate_Hz is None or self.frame_rate_Hz is not None or self.trigger is not None or plays:
             return self

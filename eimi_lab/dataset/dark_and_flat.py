@@ -53,7 +53,7 @@ def correction_by(images: Images) -> FieldCorrection | None:
 
 
 def check_like(images: Images, frame: NDArray[Any]) -> None:
-    """Raise InputError if a dark frame or a flat field cannot belong to the same camera images as ``frame``.
+    """Raise InputError if the dark frame or the flat field in ``images`` does not fit the camera image ``frame``.
 
     A dark frame is taken without light, a flat field without the beam. Size and bit depth must be those of ``frame``.
     """

@@ -42,7 +42,7 @@ class FieldLine:
 
     @property
     def in_words(self) -> str:
-        """The slope and the offset with their standard uncertainties, as text."""
+        """The field for each ampere and without a current, with standard uncertainties, as text."""
         return (
             f"{self.mT_per_A:.5g} ± {self.mT_per_A_sigma:.2g} mT/A, and {self.offset_mT:.3g} ± "
             f"{self.offset_mT_sigma:.2g} mT without a current"

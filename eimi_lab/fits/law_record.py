@@ -166,7 +166,7 @@ class LawRecord:
 
     @field_serializer("doubts")
     def _without_kinds(self, doubts: tuple[Doubt, ...]) -> list[dict[str, Any]]:
-        """Return the reasons to distrust the fit as JSON objects for a result file."""
+        """Return the reasons to distrust the fit as JSON objects for a result file, without their attribute `kind`."""
         written = [{key: value for key, value in vars(doubt).items() if key != "kind"} for doubt in doubts]
         return [{k: v for k, v in doubt.items() if v or k not in ("modulus_percent", "short")} for doubt in written]
 

@@ -2,10 +2,11 @@
 
 At the stations s (fractions of the arc length) of all states, the apparent width w of the beam is fitted by
 
-    w = w₀(s) + b a + c κ,    a = a_left + a_right,    S = depth / (2 b).
+    w = w₀(s) + b a + c κ.
 
-Here w₀ is the width at each station, a_left and a_right are the distances of both edges from the optical axis, κ is the
-curvature of the beam, b and c are coefficients, and S is the distance of the lens from the beam (stand-off).
+Here w₀ is the width at each station, a is the sum of the absolute distances of both edges from the optical axis, and κ
+is the curvature of the beam, whose cross-section bows. A lens at the distance S (stand-off) makes the beam wider by
+depth / (2 S) times the distance a. Therefore, S = depth / (2 b).
 """
 
 from __future__ import annotations
@@ -67,7 +68,7 @@ def seen_depth(observed: EdgeObservation, centre_mm: Array, depth_mm: float) -> 
 def _slope(profiles: Array) -> float:
     """Return how much the beam appears wider for each mm from the optical axis.
 
-    `profiles` has the axes state, row of `_profile`, and station (place along the beam).
+    `profiles` contains width, distance from the axis, and curvature at m places along the beam, shape (states, 3, m).
     """
     # The width of each station is free (the mean over the states is subtracted). The curvature is a second cause: the
     # cross-section of a bent beam bows by about curvature * depth^2 / 16. The thinning of a bent beam is neglected, so
@@ -104,7 +105,7 @@ def _at_stations(points: Array) -> Array:
 def _crossing(points: Array, middle: Array, normal: Array) -> Array:
     """Return the signed distance of an edge from m points, along the unit normals at these points, shape (m,).
 
-    `points`, `middle` and `normal` have x and y in the last axis.
+    x and y of the edge are `points`, of the m points `middle`, and of the unit normals `normal`, in the last axis.
     """
     tangent = np.stack([normal[:, 1], -normal[:, 0]], axis=1)
     arms = points[None] - middle[:, None]

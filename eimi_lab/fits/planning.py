@@ -161,7 +161,7 @@ class Goal:
         return f"{self.parameter} of {self.fit.model}, expected half-width of the 95 % interval"
 
     def value(self, number: float) -> str:
-        """Return the expected result of a planned run as text."""
+        """Return the expected result of a planned run, difference of AIC or half-width in per cent, as text."""
         return f"{number:.3g}" if self.rival else f"± {number:.3g} %"
 
 

@@ -68,9 +68,9 @@ def predicted_errors_mm(
     misfit: Misfit,
     near: Configuration | None = None,
 ) -> Array:
-    """Return the mean error of a fit on a dataset for D random samples of the fit, T times.
+    """Return the mean errors of a fit on a dataset, for D random samples of the fit and T samples of the inputs.
 
-    The inputs of the dataset vary at random with their uncertainties.
+    The inputs of the dataset are drawn at random with their uncertainties.
 
     Parameters
     ----------
@@ -143,7 +143,8 @@ def _shared_deviations(
 ) -> Array | None:
     """Return the errors of an input in the D samples of a fit, in standard uncertainties, shape (D,).
 
-    None if fit and dataset do not share this error, as they do if both used the same coil.
+    Fit and dataset share this error if, for example, both used the same coil; otherwise, the result is None. `part` is
+    the index among the numbers of the input, such as x and y.
     """
     by_dataset = [reference.stated for reference in _datasets(fit)]
     for group in sources_shared(stated.source, by_dataset):

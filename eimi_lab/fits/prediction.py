@@ -88,7 +88,7 @@ def predict_on_each(
     """
 
     def next_steps(step: _Step, outcome: Any) -> list[_Step]:
-        """Return the steps that follow `step`, whose result is `outcome`."""
+        """Return the steps of the computation that follow `step`, whose result is `outcome`."""
         if step.kind == "interval":
             return []
         alone, intervals = list[_Step](), list[_Step]()

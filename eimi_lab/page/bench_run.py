@@ -197,7 +197,7 @@ class BenchRun:
 
     @property
     def going_on(self) -> bool:
-        """Whether the run is still active, or the process that switches its coil off after a crash."""
+        """Whether the run, or the process that switches its coil off after a crash, is still active."""
         return not self._ended.is_set()
 
     async def begin(self) -> None:

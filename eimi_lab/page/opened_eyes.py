@@ -52,7 +52,7 @@ class OpenedEyes:
         os.close(closed)
 
     async def see(self) -> None:
-        """Pass frames and edges to the function `seen` of this object until both processes have ended."""
+        """Pass frames and edges to the function `seen` until the processes that produce them have ended."""
         frames, edges = self._processes
         finding = asyncio.create_task(self._see(edges))
         # The process for the frames ends first, after the last frame; then the other process is asked to end.
@@ -61,7 +61,7 @@ class OpenedEyes:
         await finding
 
     def kill(self) -> None:
-        """End both processes at once."""
+        """End the process for the frames and the process for the edges at once."""
         for process in self._processes:
             with suppress(ProcessLookupError):
                 process.kill()

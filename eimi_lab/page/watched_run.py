@@ -50,9 +50,9 @@ class Descriptors:
     events: int
 
     @classmethod
-    def of(cls, numbers: str) -> Descriptors:
+    def of(cls, names: str) -> Descriptors:
         """Return the three file descriptors from a command-line argument that separates their names by commas."""
-        return cls(*map(received, numbers.split(",")))
+        return cls(*map(received, names.split(",")))
 
 
 @dataclass(frozen=True)

@@ -118,7 +118,7 @@ def _misfit(shown: ShownFit) -> float:
 
 
 def _styled(shown: ShownFit, law: int, origin: int) -> ShownFit:
-    """Return a copy of a fit with the style of law number `law` and of kind of data number `origin`, from 0."""
+    """Return a copy of a fit with colour and marker number `law` (from 0), and line style number `origin` (from 0)."""
     return replace(
         shown,
         colour=PALETTE[law % len(PALETTE)],

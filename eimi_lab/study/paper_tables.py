@@ -36,7 +36,7 @@ class Table:
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """Return a number as text with `digits` significant digits; `–` for None, `∞` for infinity.
+    """Return a number as text: `digits` significant digits, or a whole number from 10000; None is `–`, infinity `∞`.
 
     Examples
     --------
@@ -200,7 +200,7 @@ def advantages(findings: Findings, kinds: Sequence[str], source: str = "own") ->
 
 
 def untwisted(findings: Findings) -> list[str]:
-    """Return the types of specimen to which no law was fitted, without type 4, whose beam twists."""
+    """Return the types of specimen for validation; type 4, whose beam twists, is omitted if there are others."""
     unseen = findings.inputs.extent.unseen
     return [kind for kind in unseen if kind != TWISTED] or list(unseen)
 

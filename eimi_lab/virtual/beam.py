@@ -190,9 +190,9 @@ def _solved(
     virtual_loads: VirtualLoads,
     strongest_mT: float,
 ) -> tuple[SolidBeside, DepthEffect | None, float]:
-    """Return the solid model, the difference between solid and planar shapes, and its largest field (mT).
+    """Return the solid model, the difference between solid and planar shapes, and the largest field (mT).
 
-    The difference is None if no equilibrium of the solid was found.
+    The difference is computed up to this field; it is None if no equilibrium of the solid was found.
     """
     # A solid takes long to solve. It is solved in a few fields; between them, the difference between solid and planar
     # beam is interpolated, with an error below a micrometre (`eimi_fitting.beam.beside`).

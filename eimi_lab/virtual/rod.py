@@ -242,7 +242,7 @@ class Rod:
         return strain
 
     def strain_rate(self, z: Array, speed: Array) -> Array:
-        """Return the derivative in time of the elastic forces that are divided by their stiffness, in 1/s, shape (n,).
+        """Return the derivative of `strain`, the elastic forces divided by their stiffness, in time, 1/s, shape (n,).
 
         ``z`` (n,) contains the coordinates of the rod, and ``speed`` (n,) their rates in 1/s.
         """

@@ -43,7 +43,9 @@ class Coil(Protocol):
 
 
 class VirtualCamera:
-    """A camera that sees the virtual beam: in motion with a frame rate or a relaxing material, else in equilibrium.
+    """A camera that sees the virtual beam.
+
+    The beam moves if the camera has a frame rate or the material relaxes. Otherwise, it is always in equilibrium.
 
     Parameters
     ----------

@@ -72,13 +72,13 @@ def link(request: pytest.FixtureRequest) -> str:
 
 @pytest.fixture(params=links(QUICK_LINKS[-1:]))
 def waiting_link(request: pytest.FixtureRequest) -> str:
-    """Like the fixture `link`, for checks that wait for seconds; most real ports have the mark slow."""
+    """A driver with its connection, such as "korad over tcp", for checks that wait for seconds; most are slow."""
     return str(request.param)
 
 
 @pytest.fixture
 def waiting_bench(waiting_link: str) -> Iterator[SupplyBench]:
-    """An open supply driver and its emulated supply, connected as `waiting_link` says."""
+    """An open supply driver and its emulated supply, for checks that wait for seconds."""
     with open_bench(waiting_link) as opened:
         yield opened
 

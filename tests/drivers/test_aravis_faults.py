@@ -74,7 +74,7 @@ def served(kept: list[tuple[ExitStack, CameraProcess]]) -> CameraProcess:
 
 @pytest.fixture
 def fresh(kept: list[tuple[ExitStack, CameraProcess]]) -> Iterator[CameraProcess]:
-    """A new emulated camera without an exposure."""
+    """A new emulated camera, which has not exposed a frame yet."""
     end(kept)
     with gige_camera(serial_number="EIMI01") as process:
         yield process

@@ -1,4 +1,4 @@
-"""A driver that breaks one requirement of the checks for every driver gets an error that names this requirement."""
+"""If a driver breaks a requirement for all drivers, its check raises an error that names this requirement."""
 
 from __future__ import annotations
 

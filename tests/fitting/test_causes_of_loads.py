@@ -1,4 +1,4 @@
-"""Causes of residuals that concern loads or law (such as a wrong field) change the simulation as described."""
+"""Causes of residuals that concern loads or law (such as a wrong field) change the simulation as expected."""
 
 from __future__ import annotations
 

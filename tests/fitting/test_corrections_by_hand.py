@@ -1,4 +1,4 @@
-"""The corrections of a fit by accurate beam models, against small numbers that stand in for the simulations."""
+"""The corrections of a fit by accurate beam models; small prepared numbers replace the results of simulations."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ SPECIMEN = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-stress", MAGNET)
 
 
 def line(*points: tuple[float, float]) -> np.ndarray:
-    """Return straight segments through the points, shape (segments, 3, 2)."""
+    """Return begin, middle and end of straight segments between the points, shape (segments, 3, 2)."""
     ends = np.array(points)
     return np.stack([ends[:-1], 0.5 * (ends[:-1] + ends[1:]), ends[1:]], axis=1)
 
@@ -122,7 +122,7 @@ def test_the_objective_is_the_mean_error_of_all_states_unless_the_candidate_is_n
 
 @dataclass(frozen=True)
 class Beam:
-    """Stands in for an experiment: only its section and its corrections matter."""
+    """Replaces an experiment; only its section and the corrections of its residuals matter."""
 
     section: str = "plane-stress"
     change: Any = None
@@ -269,7 +269,7 @@ def optimum(unit: float, objective_mm: float = 1.0) -> Any:
 
 @dataclass(frozen=True)
 class Fit:
-    """Stands in for a fit; a unit of the modulus coordinate is 100 per cent of the modulus."""
+    """Replaces a fit; the modulus changes by 100 per cent if its unknown changes by 1."""
 
     name: str
     experiments: tuple[str, ...] = ("beam",)
@@ -381,7 +381,7 @@ def noted(notes: list[Any], note: Any, result: Any) -> Any:
 
 
 def linear_rest(monkeypatch: pytest.MonkeyPatch, slopes: np.ndarray, offsets: np.ndarray) -> list[int]:
-    """Replace the simulation of the unloaded beam by residuals that are linear in all deviations."""
+    """Make the residuals of the unloaded beam linear in the deviations of its shape and of the picture."""
     calls: list[int] = []
 
     def residuals(amplitudes: np.ndarray, modulus_Pa: float, pictures: Any) -> list[np.ndarray]:

@@ -364,7 +364,7 @@ def test_a_given_modulus_needs_no_fit(monkeypatch):
 
 @dataclass
 class Passes:
-    """Stands in for `bending_rows`: records the coefficients of every linearisation."""
+    """Replaces `bending_rows`: returns prepared linear equations, and records the coefficients that it was given."""
 
     targets: list[float]
     noises: list[float]
@@ -536,7 +536,7 @@ def test_the_noise_of_a_beam_is_at_least_a_nanometre_part(monkeypatch):
 
 @dataclass
 class AnyModel:
-    """Stands in for a beam model; its second state ends with `status`."""
+    """Replaces a beam model, which finds an equilibrium in the first state and returns `status` for the second."""
 
     status: Status
     calls: list[tuple[object, ...]] = field(default_factory=list)

@@ -1,4 +1,4 @@
-"""Plans, searches and unknowns of a fit follow formulas that can be computed by hand, at both sides of each limit."""
+"""Plans of measurements, searches for an optimum and unknowns of a fit agree with calculations by hand."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def test_a_known_law_lies_in_the_middle_of_three_decades() -> None:
 
 
 class Sum:
-    """A criterion that is the sum of the numbers of the chosen states, or a given function of the choice."""
+    """A criterion for a choice of states: the sum of a given value for each chosen state."""
 
     def __init__(self, numbers: list[float]) -> None:
         self.numbers = np.array(numbers)

@@ -430,7 +430,7 @@ class Observed:
 
 @pytest.fixture
 def deflected(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
-    """A dictionary whose value `mm` is the largest deflection of every experiment; a test can change the value."""
+    """Replace the largest deflection of every experiment by the value `mm` of the returned dictionary, at first 10."""
     largest = {"mm": 10.0}
     monkeypatch.setattr(checks, "deflection_mm", lambda experiment: largest["mm"])
     monkeypatch.setattr(

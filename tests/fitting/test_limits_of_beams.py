@@ -1,4 +1,4 @@
-"""Limits and meshes of the beam models hold just below and just above each limit."""
+"""Beam models change their behaviour exactly at their limits, and their meshes have the expected elements."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Stretched:
 
 
 def state(*values: float) -> Configuration:
-    """Return the configurations of several candidates, one number for each."""
+    """Return the configurations of several candidate laws; all numbers of a configuration are equal to its value."""
     one = np.array(values)
     return Configuration(one[:, None, None].copy(), np.tile(one[:, None], 3), one[None, :, None].copy(),
                          one[None, None, :, None].copy())  # fmt: skip
@@ -128,7 +128,7 @@ class Steps:
 
 
 def advanced(steps: Steps, tolerance_mm: float = 1e-6, near: Configuration | None = None) -> tuple[int, int, float]:
-    """Solve for the load 2, starting at the load 1; return status, iterations and final shape."""
+    """Solve for a load of 2 (without unit) from that of 1; return status, iterations and one number of the solution."""
     chosen: Any = SimpleNamespace(take=lambda rows: (None, None))
     now = state(1.0)
     status, spent = path._advance(

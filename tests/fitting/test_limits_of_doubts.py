@@ -97,7 +97,7 @@ def seen(view: View | None = None) -> Experiment:
 
 
 def moved(name: str, *amplitudes: float, view: View | None = None) -> np.ndarray:
-    """Return the displacements (mm) of the measured points that are attributed to a cause of the given amplitudes."""
+    """Return the displacements (mm) of the measured points that a possible cause of residuals explains."""
     assumed: Any = SimpleNamespace(experiment=seen(view))
     change = CAUSES[name].change
     assert change is not None

@@ -29,7 +29,9 @@ BENDING = 3 * 0.05 * WIDTH**3 / 12  # N mm² for each mm of depth, plane stress:
 
 
 def elastica(couple=None, dead=(0.0, 0.0), pressure=(0.0, 0.0, 0.0), force=(0.0, 0.0), end_couple=None):
-    """Return rotation (rad), x and y (mm) at the tip of an inextensible elastic rod, clamped at 0, 1 mm deep.
+    """Return rotation (rad), x and y (mm) at the tip of an inextensible elastic rod, clamped at 0.
+
+    Forces and moments are those for each mm of depth.
 
     couple : moment for each mm of length (N/mm), a function of the rotation
     dead : distributed force (x, y) in N/mm²

@@ -106,9 +106,9 @@ def test_coarse_steps_reach_the_same_equilibrium_for_a_thousand_materials(name, 
 
 
 def solid_leaps(name: str, parameters: np.ndarray, magnet: Magnet) -> tuple[int, int, int]:
-    """Compare 3 and 6 load steps of a solid beam with 24; return the numbers of wrong, failed and all solutions.
+    """Solve a solid beam in 3 and in 6 load steps; return the numbers of wrong, failed and all solutions.
 
-    A wrong solution is another equilibrium than that of the 24 load steps.
+    A wrong solution is another equilibrium than that found in 24 load steps.
     """
     law, specimen = LAWS[name], replace(type3("solid"), magnet=magnet)
     alone, beside = SolidModel(specimen, 8, 1), SolidBeside(specimen, 8, 1)

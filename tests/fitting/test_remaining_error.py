@@ -22,7 +22,7 @@ def at(unit: float, error_mm: float = 0.01) -> Any:
 def corrected(monkeypatch: pytest.MonkeyPatch, *optima: Any) -> tuple[Any, list[Any]]:
     """Return the optimum of a fit after its correction by the solid beam model, and the effect of the correction.
 
-    optima : prepared optima after each repetition of the fit; the optimum before the first one is 0
+    optima : the optimum of each fit with the correction; the fit without it has its optimum at 0
     """
     passes = iter(optima)
     problem: Any = SimpleNamespace(

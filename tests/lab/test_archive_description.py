@@ -1,4 +1,4 @@
-"""The description of an archive states what its files, authors, licence and fits state, and each fault is noticed."""
+"""The description of an archive has its files, authors, licence and fits; a missing or wrong entry is reported."""
 
 from __future__ import annotations
 

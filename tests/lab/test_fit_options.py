@@ -1,4 +1,4 @@
-"""A further field of the options class adds an option of `eimi fit` to command line, checkpoint and fit."""
+"""A field that is added to FitOptions becomes an option of `eimi fit`, and reaches checkpoint and fit."""
 
 from __future__ import annotations
 

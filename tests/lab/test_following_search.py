@@ -140,7 +140,7 @@ def test_only_the_best_strip_of_each_cell_is_kept() -> None:
 
 
 def trail_of(*lines: tuple[Array, Array], gain: float = 0.5) -> list[_Generation]:
-    """Return the strips of a search at each step, from their places, (steps, 2), and scores."""
+    """Return the possible beams of a search after each step. lines: places (steps, 2) and scores of each of them."""
     steps = len(lines[0][0])
     trail = []
     for step in range(steps):

@@ -214,7 +214,7 @@ def test_the_doubt_about_a_shadow_is_the_larger_of_blur_and_excess_width() -> No
 
 
 def lit(*bands: tuple[float, float], level: float = 250.0, stations: int = 15, channels: int = 3) -> UnrolledPicture:
-    """Return a picture of a beam with bright stripes, each given by the places of its two ends across the beam."""
+    """Return a picture of a beam with bright stripes along it; `bands` are their limits across the beam."""
     colours = np.full((60, 53, 3), 90.0)
     for low, high in bands:
         colours[:stations, (low <= ACROSS) & (high >= ACROSS), :channels] = level
@@ -349,7 +349,7 @@ def test_an_edge_leads_to_points_near_its_straight_continuation(gap: float, asid
 
 
 def joined(gap: int, aside: float = 0.0, width: float = 1.0, beside: bool = True, first: int = 40) -> bool:
-    """Return whether an edge continues behind a gap of stations 2 px apart; the beam is 24 px wide."""
+    """Return whether an edge continues behind a gap of `gap` places, 2 px apart, along a beam 24 px wide."""
     stations = first + gap + 30
     seam = np.column_stack([np.zeros(stations), 2.0 * np.arange(stations)])
     seam[first + gap :, 0] = aside

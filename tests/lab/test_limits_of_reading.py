@@ -122,7 +122,7 @@ def test_a_limit_is_only_lowered(
 
 
 def child(number: int | str) -> list[str]:
-    """Return a command that ends with an exit status, or by the signal that is sent to itself."""
+    """Return a command that ends with an exit status (int), or sends a signal (text such as "KILL") to itself."""
     if isinstance(number, int):
         return ["sh", "-c", f"echo $0; exit {number}"]
     return ["sh", "-c", f"kill -{number} $$"]

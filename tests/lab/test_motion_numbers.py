@@ -1,4 +1,4 @@
-"""Parts, release times and numbers of recorded motions agree with formulas."""
+"""Recorded motions are divided at each flick; release times and computed values agree with formulas."""
 
 from __future__ import annotations
 
@@ -470,7 +470,10 @@ def test_two_clicks_near_the_horizontal_or_vertical_are_level(tip: tuple[float, 
 
 
 def sagging(share: Array, axis_deg: float, sag_px: float, tip_px: float = 0.0) -> Array:
-    """Return points of a beam of 300 px that leaves (50, 60) px at an angle and sags across it."""
+    """Return points of a beam 300 px long that leaves (50, 60) px at an angle and bends.
+
+    sag_px, tip_px : deflection of the tip by a uniform load and by a force at the tip
+    """
     # Timoshenko 1955.
     across = sag_px * (share**4 - 4 * share**3 + 6 * share**2) / 3 + tip_px * (3 * share**2 - share**3) / 2
     axis = math.radians(axis_deg)

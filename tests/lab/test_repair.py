@@ -64,7 +64,7 @@ def crashed(written: Path, tmp_path: Path) -> Path:
 
 @pytest.fixture
 def finished(written: Path, tmp_path: Path) -> Path:
-    """The same dataset, which its writer has closed."""
+    """A dataset of three states, which its writer has closed."""
     return Path(shutil.copy(written / "run.h5", tmp_path))
 
 

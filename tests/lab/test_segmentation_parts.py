@@ -1,4 +1,4 @@
-"""The search for edges in all load steps: its order, what each search knows, and the files that it writes."""
+"""The search for edges in all load steps: its order, the earlier edges that it uses, and the files that it writes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The verdicts, the open questions and the materials of the study follow from numbers that this file contains."""
+"""The verdicts of the study, its answers to open questions and its materials agree with calculations by hand."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ KEY = "dragon_skin_10"
 
 
 def stored(*error_um: float | None) -> dict[str, Any]:
-    """Return the stored errors of one law on one specimen, by state; None for a law without an equilibrium."""
+    """Return the stored errors of one law on one specimen, one for each state; only None: there is no equilibrium."""
     if error_um == (None,):
         return {"error_mm": None, "deviation_mm": None, "edges_mm": None}
     error = [1e-3 * one for one in error_um if one is not None]
@@ -38,7 +38,7 @@ def fitted(law: str, modulus_kPa: float, source: str = "bending", window: str = 
 def findings(**errors_um: Any) -> Findings:
     """Return the results of a study of one material, with two laws fitted to bending and two fitted to tension.
 
-    errors_um: for each type of specimen, the errors of the four laws in all states (µm), in both sections.
+    errors_um: for each type of specimen, the errors of the four laws in all states (µm), for both beam models.
     """
     kinds = ("type1", *errors_um)
     bending = [fitted("neo-hookean", 50.0), fitted("yeoh", 54.0)]
@@ -187,7 +187,7 @@ def test_a_study_evaluates_evenly_spaced_states() -> None:
 
 
 class Question:
-    """A replacement for the fits of the open questions, which records the edges that it is given."""
+    """Replaces the simulations and fits in the module `open_questions`, and records the edges of each fit."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.fits: list[dict[str, Any]] = []

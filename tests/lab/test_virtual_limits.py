@@ -1,4 +1,4 @@
-"""The virtual bench refuses what it cannot compute, and its moving outline follows the rod."""
+"""The virtual bench refuses what it cannot compute, and the outline of its moving beam follows the computed rod."""
 
 from __future__ import annotations
 

@@ -89,7 +89,7 @@ def test_positions_are_converted_between_the_scaled_picture_and_the_image() -> N
 def sampled(colours: Array, turn_rad: float = 0.0) -> UnrolledPicture:
     """Return a noisy picture of a beam, as grey values at places along the beam and 53 points across it.
 
-    colours: grey values without noise, (n, 53). turn_rad: turn of the beam over a length equal to its width.
+    colours: grey values without noise, (n, 53). turn_rad: curvature of the beam times its width.
     """
     stations = len(colours)
     along = np.arange(stations) / 12.0

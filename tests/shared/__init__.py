@@ -10,7 +10,7 @@ real_pictures         photographs with edges traced by hand
 solid_cases           errors of the solid model against known solutions
 estimates             fits that start near their optimum
 virtual_measurements  simulated measurements with random errors
-planned_states        experiments before and after a plan of their load steps
+planned_states        simulated experiments with equally spaced or planned currents
 hidden_laws           random laws
 mutated_files         files changed at random
 emulated_gige         an emulated GigE camera in a separate process

@@ -171,7 +171,7 @@ class PhoneFilm:
         return first, second
 
     def body(self, time_s: float) -> BentBody:
-        """Return the surface of the strip at one time in the world frame (right, down, away)."""
+        """Return the surface of the vibrating beam at one time in the world frame (right, down, away)."""
         first, second = self.deflections_mm(time_s)
         slope = self.strip.rest_rad + first * self.strip.first_rad + second * self.strip.second_rad
         step = self._along_mm[1]
@@ -205,7 +205,7 @@ class PhoneFilm:
 
     @cached_property
     def _behind(self) -> tuple[NDArray[np.float32], Array, NDArray[np.float32]]:
-        """The picture without the strip, the colour of the strip, and the mask of the near face of the clamp."""
+        """The picture without the beam, the colour of the beam, and the mask of the front of the clamp."""
         rng = np.random.default_rng([self.scene.seed, 7])
         behind, beam = colours(rng)
         picture = wall(self.scene, behind, rng)
@@ -254,7 +254,7 @@ class PhoneFilm:
     def _changed_part(self, drawn: list[list[Array]], time_s: float) -> tuple[slice, slice]:
         """Return the part of the picture to draw anew for a frame, as slices of rows and columns.
 
-        drawn : polygons of the strip at several times of the exposure
+        drawn : polygons of the beam at several times of the exposure
         """
         if self._shows_finger(time_s):
             return slice(0, self.scene.size[1]), slice(0, self.scene.size[0])

@@ -33,7 +33,7 @@ class PictureScore:
 
     coverage : share of the traced edges with detected points nearby
     median, p95, rms : median, 95 % quantile and root mean square of the distances (px); NaN without points
-    traced_px : standard uncertainty of the traced edges
+    traced_px : standard uncertainty of the places of the traced edges
     """
 
     coverage: float
@@ -52,7 +52,7 @@ class PictureScore:
         return not (self.median <= MEDIAN_PX and self.p95 <= P95_PX)
 
     def silent(self, edges: EdgeSet) -> bool:
-        """Whether the edges are wrong (RMS above 3 `traced_px`) without any flag (warning)."""
+        """Whether edges without a flag (warning) are wrong: distances (RMS) above 3 times `traced_px`."""
         flagged = any(flag.severity is not Severity.NOTE for flag in edges.flags)
         return bool(len(edges.left.points_mm)) and not flagged and self.rms > 3.0 * self.traced_px
 

@@ -14,7 +14,10 @@ EDGES = np.outer([-0.5, 0.5], np.ones(60))
 
 
 def unrolled(colours: Array, stated: float = 1.0, faces: tuple[float, float] = (0.0, 0.0)) -> UnrolledPicture:
-    """Return a picture sampled along a straight vertical beam 24 px wide, with 12 samples in a width."""
+    """Return colours that are sampled every 2 px along, and every px across, a straight vertical beam 24 px wide.
+
+    stated, faces : expected width of the beam and widths of its visible side faces, relative to 24 px
+    """
     stations = len(colours)
     return UnrolledPicture(
         colours=colours.astype(np.float32),
@@ -30,7 +33,7 @@ def unrolled(colours: Array, stated: float = 1.0, faces: tuple[float, float] = (
 
 
 def body(colour: tuple[float, ...], ground: tuple[float, ...], *bands: Any, stations: int = 60, seed: int = 1) -> Array:
-    """Return colours across a body from -0.5 to 0.5; `bands` are further stripes (low, high, colour)."""
+    """Return noisy colours across a beam, whose edges are at -0.5 and 0.5; `bands` are stripes (low, high, colour)."""
     rng = np.random.default_rng(seed)
     colours = np.tile(np.array(ground), (stations, 53, 1)) + rng.normal(0.0, 0.5, (stations, 53, len(ground)))
     for low, high, of_band in ((-0.5, 0.5, colour), *bands):

@@ -72,7 +72,7 @@ class SmallPicture:
         return self
 
     def beside(self, low_px: Array | float, high_px: Array | float, blur_px: float = 0.8) -> Array:
-        """Return 1 between two distances from the centre line, along the whole beam."""
+        """Return a value for each pixel: 1 between two distances from the centre line of the beam, 0 elsewhere."""
         return within(self.aside, low_px, high_px, blur_px) * within(self.along, 0.0, self.length_px)
 
     def beam(self, half_px: Array | float = 7.0, colour: tuple[float, ...] = (40.0, 60.0, 200.0)) -> SmallPicture:

@@ -53,9 +53,9 @@ def scpi(
     armed, disarmed : tuple of (str, str)
         The messages that start and stop the watchdog, with the replies.
     **strings : str
-        Messages that differ from the dictionary `family` in this function, by its keys, such as ``volt="VOLT 12"``.
-        A ``|`` separates messages, and a query in "protected?" or "mode" ends with ``=`` and its reply. "remote" is
-        the message for remote control, which comes first.
+        Messages that replace those in the dictionary `family` below, such as ``volt="VOLT 12"``. A ``|`` separates two
+        messages. In "protected?" and "mode", an ``=`` separates a query and its reply. "remote" is the first message,
+        for remote control.
     """
     family = {
         "volt": "VOLT 12.00",

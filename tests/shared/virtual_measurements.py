@@ -148,7 +148,7 @@ def begun_at(model: str, rng: np.random.Generator) -> Array:
 
 @cache
 def effect_of_depth(model: str, specimen: Specimen) -> DepthEffect | None:
-    """Return the difference between solid beam and planar model by rotation of the tip; None for a planar section."""
+    """Return the differences between solid and planar shapes of a bent beam; None for a planar section."""
     if specimen.section != "solid":
         return None
     turns = Loads.along(np.linspace(0.0, 1.1 * FIELD_MT[-1], 8))
@@ -230,7 +230,7 @@ def outcome(case: Case) -> Outcome:
 
 
 def drawn(case: Case, estimate: Estimate, deviations: Mapping[str, Array]) -> float:
-    """Return the shift of the modulus by the errors of all inputs, `deviations`, divided by its standard deviation."""
+    """Return the shift of the modulus by the input errors `deviations`, in standard deviations of this shift."""
     law = LAWS[case.model]
     parameters = np.column_stack([estimate.draws.column(name) for name in law.parameter_names])
     numbers = [(key, part) for key, values in deviations.items() for part in range(len(values))]
@@ -249,8 +249,8 @@ class Row:
 
     held_percent : share of the intervals that contain the truth
     chance_percent : 95 % confidence interval of this share
-    drawn_percent : share of the fits whose `drawn` is between -1.96 and 1.96
-    over_needed : half-width of the intervals divided by the half-width that contains the truth in 95 % of the fits
+    drawn_percent : share of the fits whose modulus the input errors shift by less than 1.96 standard deviations
+    over_needed : half-width of the intervals, divided by the one that would contain the truth in 95 % of the fits
     over_needed_least : lower bound of `over_needed`, with a confidence of 97.5 %
     """
 
@@ -267,7 +267,7 @@ class Row:
 
     @property
     def is_right(self) -> bool:
-        """Whether the coverage may be 93 to 97 %, and the intervals at most 15 % too wide, for this number of fits."""
+        """Whether the fits agree with a coverage of 93 to 97 % and with intervals that are at most 15 % too wide."""
         low, high = self.chance_percent
         return low <= HIGHEST and high >= LOWEST and self.over_needed_least <= LARGEST_RATIO
 

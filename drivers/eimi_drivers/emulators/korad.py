@@ -17,8 +17,8 @@ class KoradDialect:
     supply : CoilSupply
         The model of the supply and its coil.
     fuse_within_s : float
-        The shortest time between two messages that the supply understands, s. An earlier message is lost together with
-        the previous message.
+        The shortest time between two messages that the supply understands, s. If a message comes sooner, it has no
+        effect, and the effect of the message before it is undone.
     protection_bit : int
         The bit of the status byte that reports a trip: 0x20 or 0x80, depending on the firmware.
     """

@@ -216,8 +216,8 @@ class AimTtiSupply(SupplyBase):
         self._in_control = True
 
     def _disarm_watchdog(self) -> None:
-        """Release exclusive control of the supply, if this interface has control."""
-        # SupplyBase calls this method after the output was switched off. These supplies have no watchdog.
+        """Release exclusive control of the supply, if this interface has it; these supplies have no watchdog."""
+        # SupplyBase calls this method after the output was switched off.
         self._in_control = False
         if self._ask("IFLOCK?").strip() == b"1":
             self._ask("IFUNLOCK")

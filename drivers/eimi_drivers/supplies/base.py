@@ -264,7 +264,7 @@ class SupplyBase(Conversation, ABC):
         return self._compare()
 
     def _compare(self) -> bool:
-        """Return whether the output is already off; raise SwitchOffFailed if the supply may be another one."""
+        """Return whether the output is already off; raise SwitchOffFailed if this may not be the supply of the coil."""
         assert self._bound is not None
         try:
             self.identify()

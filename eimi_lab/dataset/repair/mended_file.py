@@ -32,7 +32,7 @@ class MendedFile(io.RawIOBase):
         self._at = 0
 
     def bytes_at(self, at: int, length: int) -> bytes:
-        """Return `length` bytes from the position `at` (fewer at the end of the file), with replaced bytes."""
+        """Return `length` bytes from the position `at` (fewer at the end of the file), with the values in `patches`."""
         content = self._map[at : at + length] if at >= 0 else b""
         if any(at <= place < at + len(content) for place in self.patches):
             patched = bytearray(content)

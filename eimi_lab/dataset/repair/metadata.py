@@ -130,9 +130,9 @@ def _mend_signed(file: MendedFile, at: int, signature: bytes) -> int:
 
 
 def _mend_heap(file: MendedFile, at: int) -> int:
-    """Correct one flipped bit in the block of names of a heap at `at`; return the number of corrected bits.
+    """Correct one flipped bit in the block at `at`, which holds names of links; return the number of corrected bits.
 
-    The checksum is before the names (HDF5 File Format Specification 3.0, section III.G).
+    The block is part of a heap. Its checksum is before the names (HDF5 File Format Specification 3.0, section III.G).
     """
     header = file.bytes_at(int.from_bytes(file.bytes_at(at + 5, 8), "little"), 146)
     if len(header) < 146 or not header[9] & 2:

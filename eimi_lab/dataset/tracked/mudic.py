@@ -68,10 +68,10 @@ class _Inert:
         pass
 
     def append(self, value: Any) -> None:
-        """Do nothing."""
+        """Ignore an item of a list that the pickle fills."""
 
     def extend(self, values: Any) -> None:
-        """Do nothing."""
+        """Ignore the items of a list that the pickle fills."""
 
 
 def _create_array(make: Any, arguments: Any, state: Any, attributes: Any = None) -> Any:

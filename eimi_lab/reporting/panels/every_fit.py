@@ -17,7 +17,7 @@ _ABREAST = 4  # columns of specimens in one table
 def matrix(report: ReportContents) -> list[tuple[ShownFit, list[tuple[Validation, bool]]]]:
     """Return each fit with its errors on all datasets of a report.
 
-    An error is a pair: the error itself, and whether its mean is the smallest of all fits on the dataset.
+    For each dataset, there is a pair: the errors of the fit, and whether their mean is the smallest of all fits.
     """
     columns = [shown.validations for shown in report.datasets]
     least = [min((v.mean_error_mm for v in column if v.mean_error_mm is not None), default=None) for column in columns]

@@ -1,4 +1,4 @@
-"""Intervals of a tensile fit, roots and names of terms follow formulas that can be computed by hand."""
+"""Intervals of a tensile fit, roots of polynomials and the terms of laws agree with calculations by hand."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ RANGES = np.array([[0.5, 4.0], [4.0, 12.0], [-6.0, -0.5]])
 
 
 def sloped(parameters: np.ndarray, weight: np.ndarray, unknowns: list[int]) -> np.ndarray:
-    """Return the derivatives of the weighted stress by the shares and the exponents of some terms, (m, 2 k)."""
+    """Return the derivatives of the weighted stress by parts of the modulus and exponents of k terms, (m, 2 k)."""
 
     def stress(shares: np.ndarray, exponents: np.ndarray) -> np.ndarray:
         values = np.column_stack([2 * shares / exponents, exponents]).ravel()

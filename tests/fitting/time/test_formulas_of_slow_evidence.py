@@ -41,7 +41,11 @@ def decay(*modes: RingMode, from_s: float = 0.0) -> Decay:
 
 
 def table(weight_log: float = 0.0, hanging_N: float = 0.0, solid: float = 1.0) -> Any:
-    """Return a replacement for the table of a beam whose first three frequencies are 5, 30 and 80 Hz."""
+    """Return a replacement for a RingTable; the first three frequencies of its beam are 5, 30 and 80 Hz.
+
+    weight_log, hanging_N : change of ln(frequency) by a weight at the tip, and the weight (N)
+    solid : second and third frequency of the solid model, divided by those of the planar model
+    """
     specimen = Specimen(50.0, 5.0, 5.0, 1000.0)
     beam = SimpleNamespace(
         loads=Loads.along([0.0]),
@@ -218,7 +222,7 @@ def test_the_time_steps_of_a_history_are_short_at_first_and_end_at_the_wanted_ti
 
 
 class Straight:
-    """A replacement for a history of loads, whose rotations are given."""
+    """Replaces a history of loads by one load step; the tests give the rotations of the tip."""
 
     steps = (LoadStep(0.0, constant(5e3)),)
 

@@ -24,10 +24,11 @@ from eimi_fitting.time.terms import Terms
 def fit(
     modes: list[tuple[float, float]], linear: list[list[float]], bend: tuple[float, float] = (0.0, 0.0)
 ) -> ModalFit:
-    """Return the fit of a vibration in 400 frames, 100 in a second, with two reduced signals.
+    """Return the fit of a vibration in 400 frames, 100 in a second, with two independent signals.
 
     modes : frequency (Hz) and loss factor of each vibration
-    linear : first coefficients of the two signals, which move two channels by 2 mm and 3 mm
+    linear : first coefficients of the signals; a signal of 1 is a motion by 2 mm along x, or 3 mm along y
+    bend : change of frequency and loss factor of the first vibration at large amplitudes
     """
     of_modes = np.array([[np.log(2 * np.pi * f), loss] for f, loss in modes])
     time, change = np.arange(400) / 100.0, np.array(bend)
@@ -324,7 +325,7 @@ def test_eddy_currents_and_the_coil_take_energy_from_a_turning_magnet() -> None:
 
 
 def filmed(seen: np.ndarray, sigma_mm: float = 0.01, size_mm: float = 1.0) -> Motion:
-    """Return a motion whose points swing with given amplitudes.
+    """Return a motion whose points swing with the amplitudes 1, 2, 3, ... times `size_mm`.
 
     seen : whether each point is visible, shape (frames, points)
     """

@@ -1,4 +1,4 @@
-"""The limits by which a fitted free vibration is judged hold just below and just above their values."""
+"""A fitted free vibration is accepted, doubted or refused exactly at the stated limits."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from eimi_fitting.time.modal_fit import ModalFit, design_matrix
 FREQUENCY_HZ = 5.0
 
 
-def signals(reduced: np.ndarray, rate_Hz: float = 100.0) -> Signals:
-    """Return the signals of one coordinate of one point, `reduced` (n,) in mm, with a stated noise of 1 mm."""
-    values, one = np.asarray(reduced, float)[:, None], np.ones(1)
+def signals(values_mm: np.ndarray, rate_Hz: float = 100.0) -> Signals:
+    """Return the signals of one coordinate of one point, with the values (n,) in mm and a stated noise of 1 mm."""
+    values, one = np.asarray(values_mm, float)[:, None], np.ones(1)
     number = np.zeros(1, np.intp)
     return Signals(np.arange(len(values)) / rate_Hz, values, one, number, number, values, np.ones((1, 1)), 0.0)
 
@@ -39,7 +39,7 @@ def fit(
 
     size : factors of cosine and sine
     second : frequency ratio and cosine factor of a second vibration
-    bend : change of the first vibration with its amplitude
+    bend : change of frequency and loss factor of the first vibration at large amplitudes
     """
     modes = np.array([[np.log(2 * np.pi * FREQUENCY_HZ), loss]])
     if second:

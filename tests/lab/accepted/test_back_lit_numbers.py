@@ -1,4 +1,4 @@
-"""The search for back-lit edges in small pictures gives the numbers of the accepted descriptions in `back_lit`."""
+"""The search for back-lit edges in small pictures gives the numbers that are stored in the folder `back_lit`."""
 
 # If a change of the search is wanted, read the differences before you copy a new description over the accepted one.
 
@@ -44,7 +44,7 @@ class Case:
 
 
 def back_lit(bend: float = 0.0, slope: float = 0.2, clamp: bool = True) -> SmallPicture:
-    """Return a dark clamp in front of a back-light of the grey value 200, without a beam."""
+    """Return a picture of a bright wall, and a dark clamp if required; tests add a beam that bends by `bend`."""
     picture = SmallPicture(bend, (200.0,), slope, above_px=16)
     return picture.add(within(picture.along, -99.0, 0.0), DARK) if clamp else picture
 

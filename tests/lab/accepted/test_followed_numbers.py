@@ -1,4 +1,4 @@
-"""The search that follows a beam in small pictures gives the numbers of the accepted descriptions."""
+"""The search that follows a beam in small pictures gives the numbers that are stored in this folder."""
 
 # If a change of the search is wanted, read the differences before you copy a new description over the accepted one.
 

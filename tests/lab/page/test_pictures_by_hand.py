@@ -1,4 +1,4 @@
-"""The view of pictures without a bench gives the right answers about a folder, and writes the right files."""
+"""The web page for a folder of pictures gives the right answers about the folder, and writes the right files."""
 
 from __future__ import annotations
 

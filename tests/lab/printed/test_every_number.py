@@ -145,7 +145,7 @@ def numbers_of_the_figures_of_a_fit(fit: FitRecord, shown: Shown) -> dict[str, l
 
 
 def numbers_of_the_figures_of_predictions(fit: FitRecord, shown: Shown) -> dict[str, list[str]]:
-    """Return, for each plot of predictions by two laws, the source of each printed number: path, ratio, and unit."""
+    """Return, for each plot of predictions by two laws, the path of each number's stored value, factor and unit."""
     content = {
         "states": [{"index": k, "field_mT": field} for k, field in enumerate((0.67, 3.49, 6.83))],
         "fits": [

@@ -79,8 +79,8 @@ def changed(content: Any, path: str) -> Any:
 def traced(content: Any, printed: Callable[[Any], Texts], skip: tuple[str, ...] = ()) -> dict[str, list[str]]:
     """Return, for each printed text, the source of each number: path of the stored number, ratio to it, and unit.
 
-    content: nested lists and dictionaries. printed: function from the content to texts, by name. skip: beginnings of
-    paths of numbers that no text contains.
+    content: nested lists and dictionaries. printed: function that returns the texts by name. skip: numbers are not
+    searched for if their path begins with one of these texts.
     """
     before = {name: _numbers(text) for name, text in printed(content).items()}
     values = numbers_of(content)

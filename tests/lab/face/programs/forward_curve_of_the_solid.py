@@ -1,4 +1,4 @@
-"""Compute the rotation of the tip at each field with the solid beam model and with its planar beam model."""
+"""Compute the rotation of the tip at each field with a solid and with a planar model of the same beam."""
 
 from dataclasses import replace
 
