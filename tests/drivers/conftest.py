@@ -22,7 +22,7 @@ SERIAL_DRIVERS = ("korad", "genesys")
 def links(quick: tuple[str, ...]) -> list[object]:
     """Return the links of all drivers (texts such as "korad over tcp") as parameters of a test.
 
-    Links in the same process and in `quick` are always tested; other links have the mark slow.
+    Links in the same process and in `quick` are always tested; other links are marked slow.
     """
     real = [f"{driver} {where}" for driver in DIALECTS for where in ("on a pty", "over tcp")]
     slow = (pytest.param(link, marks=pytest.mark.slow) for link in real if link not in quick)
@@ -72,7 +72,7 @@ def link(request: pytest.FixtureRequest) -> str:
 
 @pytest.fixture(params=links(QUICK_LINKS[-1:]))
 def waiting_link(request: pytest.FixtureRequest) -> str:
-    """A driver with its connection, such as "korad over tcp", for checks that wait for seconds; most are slow."""
+    """A driver with its connection, such as "korad over tcp", for checks that wait for seconds."""
     return str(request.param)
 
 

@@ -375,7 +375,7 @@ def test_a_fit_of_edges_alone_is_polished_once(monkeypatch: pytest.MonkeyPatch) 
 
 
 def noted(notes: list[Any], note: Any, result: Any) -> Any:
-    """Return the result, and remember that it was asked for."""
+    """Return `result`, and add `note` to the list of calls, `notes`."""
     notes.append(note)
     return result
 

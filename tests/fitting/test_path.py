@@ -32,9 +32,9 @@ def candidates(name: str, count: int, seed: int) -> np.ndarray:
 
 
 def leaps(model: BeamModel, name: str, parameters: np.ndarray) -> tuple[int, int, int]:
-    """Compare coarse load steps with 72 fine ones; return the numbers of wrong, failed and all solutions.
+    """Solve a beam in 2 to 12 load steps; return the numbers of wrong, failed and all solutions.
 
-    A wrong solution is another equilibrium than that of the fine load steps.
+    A wrong solution is another equilibrium than that found in 72 load steps.
     """
     law = LAWS[name]
     fine = model.solve(law, parameters, Loads.along(np.linspace(0, HIGHEST_MT, FINE_STEPS + 1)))

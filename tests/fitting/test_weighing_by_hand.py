@@ -1,4 +1,4 @@
-"""The comparison of causes of residuals has the sizes, probabilities and errors that follow from its linear model.
+"""The comparison of possible causes of residuals finds the sizes, probabilities and errors computed by hand.
 
 The comparison in this file has a law with two parameters, one uncertain input, one correction and three causes. Each
 residual is one number, so that all sums can be computed by hand.

@@ -1,4 +1,4 @@
-"""The search for the strip of a picture that shows the beam agrees with plain formulas, and is symmetric."""
+"""The search for the beam in a picture agrees with plain formulas, and is symmetric."""
 
 from __future__ import annotations
 

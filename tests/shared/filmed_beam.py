@@ -75,14 +75,14 @@ class Flick:
         return np.column_stack([np.interp(along_mm, grid, places[:, axis]) for axis in range(2)])
 
     def to_px(self, points_mm: Array) -> Array:
-        """Return the pixels (x, y), shape (n, 2), of n points of the strip in mm."""
+        """Return the pixels (x, y), shape (n, 2), of n points of the beam in mm."""
         points = BeamFrame(LEVEL).to_px(points_mm)
         middle = 0.5 * np.array(self.size)
         away = (points - middle) / self.size[0]
         return np.asarray(middle + (points - middle) / (1.0 + self.tilt * (away[:, :1] + 0.5 * away[:, 1:])))
 
     def outline_px(self, first_row_s: float) -> Array:
-        """Return the outline of the strip in one frame with a rolling shutter: n points (x, y) in px, shape (n, 2).
+        """Return the outline of the beam in one frame with a rolling shutter: n points (x, y) in px, shape (n, 2).
 
         first_row_s : time at which the first row is exposed
         """

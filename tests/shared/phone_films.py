@@ -185,13 +185,13 @@ class PhoneFilm:
 
     @property
     def at_rest(self) -> BentBody:
-        """The surface of the strip in the world frame at rest."""
+        """The surface of the beam at rest in the world frame (right, down, away)."""
         return self.body(1e6)
 
     def seen(self, first_row_s: float) -> list[Array]:
-        """Return the polygons of the strip in one frame, with n corners (x, y) in px, shape (n, 2).
+        """Return the polygons of the beam in one frame, with n corners (x, y) in px, shape (n, 2).
 
-        The first polygon is the near face.
+        The first polygon is the face toward the camera.
         first_row_s : time of the first row
         """
         begin = self.scene.to_px(self.body(first_row_s).around)

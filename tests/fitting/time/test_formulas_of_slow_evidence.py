@@ -221,7 +221,7 @@ def test_the_time_steps_of_a_history_are_short_at_first_and_end_at_the_wanted_ti
     assert np.sum(np.cumsum(straight.spans_s) <= 10.0) == 2  # an unbent beam does not creep
 
 
-class Straight:
+class OneLoadStep:
     """Replaces a history of loads by one load step; the tests give the rotations of the tip."""
 
     steps = (LoadStep(0.0, constant(5e3)),)
@@ -231,18 +231,18 @@ def test_the_errors_of_creep_are_shared_by_the_times_of_a_decade() -> None:
     time_s, rotation = np.geomspace(1.0, 100.0, 8), np.linspace(0.0, 0.2, 8)
     shown = np.linspace(-1.0, 1.0, 5), np.linspace(-1.0, 1.0, 5)
     for error, table_of in ((0.02, shown), (0.06, None)):
-        evidence = CreepEvidence(Straight(), time_s, rotation, np.full(8, 1e-3), np.zeros(8), "step", table_of)  # type: ignore[arg-type]
+        evidence = CreepEvidence(OneLoadStep(), time_s, rotation, np.full(8, 1e-3), np.zeros(8), "step", table_of)  # type: ignore[arg-type]
         sigma = np.hypot(1e-3, error * np.sqrt(4.0) * 0.2)  # four times in each of two decades
         true = rotation + 0.01 * np.array([1, -1, 1, -1, 1, -1, 1, -1])
         rows = evidence.residuals_at(true[None])[0]
         assert rows == pytest.approx(np.append((true - rotation) / sigma, 0.0))
         assert evidence.residuals_at(true[None] + 0.3)[0] == pytest.approx(rows)  # a constant does not count
-    quick = CreepEvidence(Straight(), np.linspace(1.0, 3.0, 8), rotation, np.full(8, 1e-3), np.zeros(8), "step")  # type: ignore[arg-type]
+    quick = CreepEvidence(OneLoadStep(), np.linspace(1.0, 3.0, 8), rotation, np.full(8, 1e-3), np.zeros(8), "step")  # type: ignore[arg-type]
     sigma = np.hypot(1e-3, 0.06 * np.sqrt(8.0) * 0.2)
     assert quick.residuals_at(true[None])[0][:8] == pytest.approx((true - rotation) / sigma)
     assert quick.effects({"width": 0.1})["width"].tolist() == [[0.0] * 9]
     predicted = evidence.predicted(STIFF_PA, SERIES, np.log(2 * ONE))
-    assert predicted == pytest.approx(2 * creep(STIFF_PA, SERIES, Straight.steps, time_s, ONE))
+    assert predicted == pytest.approx(2 * creep(STIFF_PA, SERIES, OneLoadStep.steps, time_s, ONE))
 
 
 def test_the_shown_rotation_is_interpolated_in_its_table_and_continued_at_its_ends() -> None:
@@ -377,7 +377,7 @@ def test_the_result_of_a_ring_down_has_few_frames_and_widened_uncertainties() ->
 
 def test_a_curve_of_creep_is_shown_about_its_mean_in_degrees() -> None:
     evidence = CreepEvidence(
-        LoadHistory(Straight.steps),
+        LoadHistory(OneLoadStep.steps),
         np.array([1.0, 10.0]),
         np.radians([1.0, 3.0]),
         np.radians([0.1, 0.2]),
@@ -388,7 +388,7 @@ def test_a_curve_of_creep_is_shown_about_its_mean_in_degrees() -> None:
     assert (shown.label, shown.time_s) == ("step", (1.0, 10.0))
     assert shown.measured_deg == pytest.approx((-1.0, 1.0))
     assert shown.sigma_deg == pytest.approx((0.1, 0.2))
-    half = 0.5 * np.degrees(np.diff(creep(STIFF_PA, SERIES, Straight.steps, evidence.time_s, ONE)[0])[0])
+    half = 0.5 * np.degrees(np.diff(creep(STIFF_PA, SERIES, OneLoadStep.steps, evidence.time_s, ONE)[0])[0])
     assert shown.fitted_deg == pytest.approx((-half, half))
 
 
