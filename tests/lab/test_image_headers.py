@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import struct
 import zlib
 
@@ -76,6 +77,7 @@ def jpeg(marker: int = 0xC0, before: bytes = b"", end: bytes = b"\xff\xd9") -> b
         (b"GIF89a" + bytes(20), None),
         (PNG, None),
     ],
+    ids=itertools.count(),
 )
 def test_the_size_is_read_from_the_header(raw: bytes, size: tuple[int, int] | None) -> None:
     assert claimed_size(raw) == size
@@ -91,6 +93,7 @@ def test_the_size_is_read_from_the_header(raw: bytes, size: tuple[int, int] | No
         (tiff("<", ((640, 480), (640, 480)))[:60], False),
         (png(), False),
     ],
+    ids=itertools.count(),
 )
 def test_a_second_page_of_the_same_size_makes_a_stack(raw: bytes, stacked: bool) -> None:
     assert is_stack(raw) is stacked
@@ -107,6 +110,7 @@ def test_a_second_page_of_the_same_size_makes_a_stack(raw: bytes, stacked: bool)
         (PNG + chunk(b"IHDR", bytes(13)) + chunk(b"IDAT", b"a tRNS b"), False),
         (b"BM" + bytes(23) + b"\6", False),
     ],
+    ids=itertools.count(),
 )
 def test_a_png_file_may_be_transparent(raw: bytes, may_be: bool) -> None:
     assert may_be_transparent(raw) is may_be
@@ -132,6 +136,7 @@ def test_a_png_file_may_be_transparent(raw: bytes, may_be: bool) -> None:
         (b"GIF89a", True),
         (b"", True),
     ],
+    ids=itertools.count(),
 )
 def test_a_file_is_whole_if_it_reaches_its_end(raw: bytes, whole: bool) -> None:
     assert is_whole(raw) is whole
@@ -177,6 +182,7 @@ def test_an_image_with_a_pixel_below_95_per_cent_is_transparent() -> None:
         (b"\0\0\0\x18moovheic", ""),
         (b"", ""),
     ],
+    ids=itertools.count(),
 )
 def test_the_brand_of_a_heif_file(raw: bytes, words: str) -> None:
     assert kind_of(raw) == words
