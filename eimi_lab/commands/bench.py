@@ -142,7 +142,8 @@ def emulate(
         float, typer.Option("--mT-per-A", help="for a gaussmeter: true field of the coil for each ampere, in mT")
     ] = 4.7,
     offset_mT: Annotated[
-        float, typer.Option("--offset-mT", help="for a gaussmeter: true field without a current, in mT")
+        float,
+        typer.Option("--offset-mT", help="for a gaussmeter: field that stays when the coil has no current, in mT"),
     ] = 0.0,
     specimen: Annotated[
         str | None,

@@ -29,8 +29,8 @@ def discover(
         list[str] | None,
         typer.Option(
             metavar="i1|i2|i1^2|i1^3|gent=JM|fung=B|ogden=ALPHA",
-            help="term of the strain energy among which the program selects: I1 - 3 or a power of it (i1, i1^2, i1^3), "
-            "I2 - 3 (i2), or a Gent, Fung or Ogden term with its number Jm, b or alpha; may be repeated",
+            help="one term of the strain energy that the program may select: I1 - 3 or a power of it (i1, i1^2, i1^3), "
+            "I2 - 3 (i2), or a Gent, Fung or Ogden term with its number, such as gent=20; repeat it for each term",
             show_default="i1 i2 i1^2 i1^3 gent=20 fung=0.2 ogden=-4 ogden=8",
         ),
     ] = None,

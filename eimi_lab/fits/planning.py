@@ -322,8 +322,8 @@ def _in_pairs(criterion: Candidates | Rivals, currents: int) -> Candidates | Riv
     pairs = [(place[i], place[i + currents]) for i in range(currents) if i in place and i + currents in place]
     if len(pairs) < FEWEST_STATES:
         raise ValueError(
-            f"the beam has a stable equilibrium at both signs of the current for {len(pairs)} currents only, which "
-            "are too few"
+            f"the beam has a stable equilibrium at both signs of the current for {len(pairs)} currents; at least "
+            f"{FEWEST_STATES} are needed"
         )
     first, second = np.array(pairs).T
     if isinstance(criterion, Rivals):

@@ -149,7 +149,7 @@ def test_a_replayed_search_continues_identically_and_evaluates_only_new_candidat
 
 
 def test_the_record_of_another_search_is_refused():
-    with pytest.raises(OtherSearch, match="generation 1 has 12 candidates, the generation to replay has 3"):
+    with pytest.raises(OtherSearch, match="generation 1 has 12 candidates, but the stored generation has 3"):
         search(rastrigin, 2, replay=[Objectives((1.0, 2.0, 3.0), 0, 0)])
 
 

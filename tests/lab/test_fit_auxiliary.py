@@ -209,7 +209,7 @@ def test_an_undetermined_parameter_is_marked_wherever_it_is_shown(tmp_path: Path
         (("--free", "moment=0.02"), "--free moment: strip.h5 has no state with a field"),
         (("--free", "bulk", "--section", "plane-stress"), "--free bulk: strip.h5 is modelled as plane-stress"),
         (("--tensile", "none.csv"), "none.csv"),
-        (("--tensile", "short.csv"), "short.csv: 2 rows in the window; a fit needs at least 5"),
+        (("--tensile", "short.csv"), "short.csv: 2 rows up to the largest strain to fit; a fit needs at least 5"),
         (
             ("--tensile", "short.csv", "--tensile-window", "wide"),
             "--tensile-window wide: should be a strain in percent",

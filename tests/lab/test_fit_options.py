@@ -59,7 +59,7 @@ def test_curves_are_checked_before_the_fit(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="--tensile-window 20: needs a tensile curve"):
         FitOptions(tensile_window="20").for_identify()
     (tmp_path / "short.csv").write_text("strain,stress_kPa\n0.1,5\n0.2,9\n")
-    with pytest.raises(InputError, match="2 rows in the window"):
+    with pytest.raises(InputError, match="2 rows up to the largest strain to fit"):
         FitOptions(tensile=[tmp_path / "short.csv"]).for_identify()
 
 

@@ -387,7 +387,7 @@ def test_a_curve_needs_five_rows_in_its_window(tmp_path: Path) -> None:
     assert curve.stress_Pa == pytest.approx([1e4, 2e4, 3e4, 4e4, 5e4])
     assert (curve.weight, curve.window_percent, curve.path) == (2.0, 50.0, str(path))
     assert len(tensile_files.read_curve(path, None, 1.0).strain) == 7
-    with pytest.raises(InputError, match="4 rows in the window; a fit needs at least 5"):
+    with pytest.raises(InputError, match="4 rows up to the largest strain to fit; a fit needs at least 5"):
         tensile_files.read_curve(path, 49.0, 1.0)
 
 
@@ -602,7 +602,7 @@ def test_states_at_opposite_currents_are_chosen_as_pairs() -> None:
     assert pairs.source_score[:, 0, 0].tolist() == [50.0, 80.0]
     assert pairs.points == 14.0
     assert len(pairs.loads) == 2
-    with pytest.raises(ValueError, match="at both signs of the current for 1 currents only"):
+    with pytest.raises(ValueError, match="at both signs of the current for 1 currents; at least 2 are needed"):
         planning._in_pairs(criterion([0, 1, 4]), 4)
     numbers = np.arange(1.0, 5.0)
     rival = Rivals(

@@ -93,7 +93,7 @@ class ReplayedTransport:
     def _take(self, kind: str, doing: str) -> tuple[int, str] | None:
         """Return line number and text of the next line in the recording if it has the given kind, else None."""
         if self._next == len(self._events):
-            raise TranscriptMismatch(f"{doing} after the end of the transcript")
+            raise TranscriptMismatch(f"the driver wanted to {doing} after the end of the transcript")
         number, next_kind, text = self._events[self._next]
         if next_kind != kind:
             return None

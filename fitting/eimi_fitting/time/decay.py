@@ -136,10 +136,9 @@ def decay_of(signals: Signals, label: str, length_mm: float, *, is_stepped: bool
     if len(part.time_s) < _FEWEST_FRAMES or (last - first) * frequency < _FEWEST_PERIODS:
         doubts_in_words = "".join(f" ({doubt.removeprefix(f'{label}: ')})" for doubt in doubts)
         raise NoVibration(
-            f"{label}: {(last - first) * frequency:.1f} periods of a vibration at {frequency:.3g} Hz, in "
-            f"{len(part.time_s)} frames, have an amplitude below "
-            f"{MOST_AMPLITUDE:.0%} of the beam's length, but at least {_FEWEST_PERIODS:g} periods in {_FEWEST_FRAMES} "
-            f"frames are needed{doubts_in_words}"
+            f"{label}: at least {_FEWEST_PERIODS:g} periods in {_FEWEST_FRAMES} frames with an amplitude below "
+            f"{MOST_AMPLITUDE:.0%} of the beam's length are needed; the vibration at {frequency:.3g} Hz has "
+            f"{(last - first) * frequency:.1f} such periods in {len(part.time_s)} frames{doubts_in_words}"
         )
     fitted, windows, used = _fitted(part, frequency, hangs)
     swinging = with_swing(ModalFit.first_of(part, frequency), windows) if hangs else None

@@ -325,7 +325,7 @@ def test_only_amplitudes_up_to_a_twentieth_of_the_length_are_fitted() -> None:
 
 
 def test_a_short_ring_down_is_refused_with_its_number_of_periods() -> None:
-    with pytest.raises(NoVibration, match=r"flick: 4\.5 periods of a vibration at 5 Hz, in 90 frames"):
+    with pytest.raises(NoVibration, match=r"the vibration at 5 Hz has 4\.5 such periods in 90 frames"):
         decays.decay_of(vibration(0.9, 0.05), "flick", 60.0, is_stepped=True)
     assert decays.decay_of(vibration(1.2, 0.05), "flick", 60.0, is_stepped=True).modes[0].frequency_Hz == pytest.approx(
         FREQUENCY_HZ, rel=1e-3

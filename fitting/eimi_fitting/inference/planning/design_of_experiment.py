@@ -193,7 +193,9 @@ class Candidates:
             If the law has more than one unknown.
         """
         if len(self.goal) > 1:
-            raise ValueError(f"the lower bound of the interval needs a law with one unknown, not with {len(self.goal)}")
+            raise ValueError(
+                f"the smallest possible interval is known for a law with one unknown only, not with {len(self.goal)}"
+            )
         information, prior = self.normal[:, 0, 0], float(self.prior[0, 0])
         # Every chosen state is assumed to determine the goal as well as the best state.
         most = states * float(information.max())

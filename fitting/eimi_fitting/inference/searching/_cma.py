@@ -23,7 +23,10 @@ class _Absent(MetaPathFinder):
     def find_spec(self, name: str, path: Sequence[str] | None, target: ModuleType | None = None) -> None:
         """Raise ModuleNotFoundError for matplotlib and scipy.stats, so that the import of cma does not load them."""
         if name in _UNUSED and threading.get_ident() == self._thread:
-            raise ModuleNotFoundError(f"{name} is hidden while cma is imported", name=name)
+            raise ModuleNotFoundError(
+                f"the import of {name} is blocked on purpose while cma is imported, because nothing here needs it",
+                name=name,
+            )
 
 
 _absent = _Absent()

@@ -260,8 +260,8 @@ class _Log:
         objectives = self._replay[len(self.history)]
         if len(objectives.objective_mm) != candidates:
             raise OtherSearch(
-                f"generation {len(self.history) + 1} has {candidates} candidates, "
-                f"the generation to replay has {len(objectives.objective_mm)}"
+                f"generation {len(self.history) + 1} has {candidates} candidates, but the stored generation has "
+                f"{len(objectives.objective_mm)}"
             )
         return objectives
 
