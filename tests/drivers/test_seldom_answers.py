@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import statistics
 import sys
 from itertools import pairwise
@@ -80,6 +81,48 @@ def test_an_answer_of_a_genesys_that_is_not_understood_is_named(message: bytes, 
     with pytest.raises(InstrumentError, match=words):
         begin()
     assert not coil.state.output or message == b"STT?\r"
+
+
+ACCEPTED = {b"*IDN?", b"IDN?", b"SN?", b"MODEL?", b"VERSION?", b"STATUS?"}
+"""Queries whose answer may be any text; the status of a Korad is any byte."""
+
+
+@pytest.mark.parametrize("driver", [name for name in SUPPLIES if name != "virtual"])
+def test_each_answer_that_is_garbled_is_named_with_its_query(driver: str) -> None:
+    answers: dict[bytes, bytes] = {}
+
+    def use(garbled: bytes) -> None:
+        coil = CoilSupply(SimulatedClock())
+        line = emulate(driver, coil)
+        right = line.receive
+
+        def receive(data: bytes) -> bytes:
+            answer = right(data)
+            if answer:
+                answers.setdefault(data, answer)
+            if data != garbled:
+                return answer
+            content = answer.rstrip(b"\r\n")
+            return b"@#!".ljust(len(content), b"!") + answer[len(content) :]
+
+        line.receive = receive  # type: ignore[method-assign]
+        supply = SUPPLIES[driver](InProcessTransport(line, coil.clock), LIMITS, coil.clock)
+        supply.identify()
+        supply.set_voltage(10.0)
+        supply.set_current(0.5)
+        supply.set_output(True)
+        assert supply.output_on()
+        supply.measure()
+        supply.check()
+
+    use(b"")
+    for query in tuple(answers):
+        words = query.strip()
+        if words in ACCEPTED and not (driver == "bk-xln" and words == b"STATUS?"):
+            continue
+        with pytest.raises(InstrumentError, match=re.escape(words.decode())) as caught:
+            use(query)
+        assert "@#!" in str(caught.value)
 
 
 def test_a_korad_gets_a_message_each_0_08_s() -> None:

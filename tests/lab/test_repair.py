@@ -156,6 +156,28 @@ def test_a_block_of_names_without_a_readable_heap_is_left_alone(tmp_path: Path) 
     file.close()
 
 
+@pytest.mark.parametrize(("bits", "begins"), [(32, 17), (33, 18), (16, 15)])
+@pytest.mark.parametrize("wrong", ["name", "checksum", "nothing", "two bits"])
+def test_a_flipped_bit_in_the_names_of_a_heap_is_flipped_back(
+    tmp_path: Path, bits: int, begins: int, wrong: str
+) -> None:
+    # III.G: 4 + 1 + 8 bytes, the offset in the heap (as many bits as the heap says), the checksum, and the names.
+    before = b"FHDB\0" + (100).to_bytes(8, "little") + bytes(begins - 13)
+    names = b"left and right edges of the beam"
+    block = before + lookup3(before + bytes(4) + names).to_bytes(4, "little") + names
+    header = bytearray(146)
+    header[9], header[128] = 2, bits
+    header[112:120] = len(block).to_bytes(8, "little")
+    sound = block + bytes(100 - len(block)) + bytes(header)
+    path = tmp_path / "heap.bin"
+    path.write_bytes(sound)
+    flips = {"name": [8 * (begins + 9) + 2], "checksum": [8 * begins + 5], "nothing": []}.get(wrong, [8 * 40, 8 * 44])
+    file = MendedFile(flipped(path, *flips) if flips else path)
+    assert metadata._mend_heap(file, 0) == (wrong in ("name", "checksum"))
+    assert (file.bytes_at(0, len(sound)) == sound) == (wrong != "two bits")
+    file.close()
+
+
 def test_sound_metadata_are_left_alone(finished: Path) -> None:
     file = MendedFile(finished)
     assert mend_metadata(file) == 0

@@ -17,7 +17,16 @@ import numpy as np
 import pytest
 
 from eimi_drivers.clock import SimulatedClock
-from eimi_drivers.interfaces import AnotherSupply, Frame, Identity, InstrumentError, InstrumentTimeout, Reading
+from eimi_drivers.interfaces import (
+    AnotherSupply,
+    Frame,
+    Identity,
+    InstrumentError,
+    InstrumentTimeout,
+    Off,
+    Reading,
+    SwitchOffFailed,
+)
 from eimi_drivers.sensors.coil_thermometer import CoilThermometer
 from eimi_drivers.supplies import SUPPLIES
 from eimi_lab.acquisition import added_driver, coil_calibration, conditioning, guardian_process, open_bench, resuming
@@ -413,6 +422,47 @@ def test_an_output_counts_as_found_off_only_if_it_never_was_on() -> None:
     assert known(replace(WARD, identity=("KORAD", "7"), address="COM3"))
     assert known(replace(WARD, identity=("KORAD", "")))  # a pseudo-terminal
     assert not known(replace(WARD, identity=("KORAD", ""), address="COM3"))
+
+
+@pytest.mark.parametrize(
+    ("current_A", "found_off", "serial_number", "output_on", "confirmed"),
+    [
+        (None, False, "7", False, True),
+        (5.0, False, "7", False, False),
+        (None, True, "7", False, False),
+        (None, False, "", False, False),
+        (None, False, "7", True, False),
+    ],
+)
+def test_a_guardian_measures_again_only_a_known_supply_whose_output_is_off(
+    monkeypatch: pytest.MonkeyPatch,
+    current_A: float | None,
+    found_off: bool,
+    serial_number: str,
+    output_on: bool,
+    confirmed: bool,
+) -> None:
+    supply = SimpleNamespace(output_on=lambda: output_on, measure=lambda: None, close=lambda: None)
+
+    def fail(supply: Any, clock: Any) -> None:
+        raise SwitchOffFailed("no answer to VSET", current_A, 0.02)
+
+    monkeypatch.setattr(guardian_process, "open_supply", lambda *arguments: supply)
+    monkeypatch.setattr(guardian_process, "_compare", lambda ward, supply: "")
+    monkeypatch.setattr(guardian_process, "_find_off", lambda supply, was_on: found_off)
+    monkeypatch.setattr(guardian_process, "switch_off", fail)
+    monkeypatch.setattr(guardian_process, "off_limit_A", lambda supply: 0.02)
+    monkeypatch.setattr(guardian_process, "measured_off", lambda *arguments: Off(0.001, 0.02))
+    ward = replace(WARD, identity=("KORAD", serial_number), address="COM3")
+    was_on: set[bool] = set()
+    if confirmed:
+        off, remark = guardian_process._try_once(ward, was_on)
+        assert off == Off(0.001, 0.02)
+        assert remark == "; one step of switching the supply off failed (no answer to VSET)"
+    else:
+        with pytest.raises(SwitchOffFailed, match="no answer to VSET"):
+            guardian_process._try_once(ward, was_on)
+    assert was_on == ({True} if current_A is not None else set())
 
 
 # Storage
