@@ -58,6 +58,9 @@ def test_each_colour_of_a_bayer_mosaic_is_found_at_its_place(kind: str) -> None:
 def test_colours_are_in_the_order_blue_green_red() -> None:
     assert decode(CODES["RGB8"], bytes([1, 2, 3]), 1, 1).tolist() == [[[3, 2, 1]]]
     assert decode(CODES["BGR8"], bytes([1, 2, 3]), 1, 1).tolist() == [[[1, 2, 3]]]
+    wide = np.arange(18).reshape(2, 3, 3)
+    np.testing.assert_array_equal(decode(CODES["BGR8"], bytes(range(18)), 3, 2), wide)
+    np.testing.assert_array_equal(decode(CODES["RGB8"], bytes(range(18)), 3, 2), wide[..., ::-1])
 
 
 @pytest.mark.parametrize(

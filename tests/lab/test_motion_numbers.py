@@ -13,7 +13,7 @@ import pytest
 from numpy.typing import NDArray
 
 from eimi_fitting.time.measured import Motion
-from eimi_lab.config.csv_tables import Column
+from eimi_lab.config.csv_tables import Column, Row
 from eimi_lab.config.specimen import load_specimen
 from eimi_lab.dataset import state_loads
 from eimi_lab.dataset.logged_sensor import LoggedSensor, SensorLog
@@ -317,6 +317,50 @@ def table(tmp_path: Path, rows: list[str], clock: str = "frame", rate_Hz: float 
     facts = MotionFacts(kind="ring_down", rate_Hz=rate_Hz, released_s=0.0)
     (only,) = motion_csv.read_motion_csv(path, SPECIMEN, facts)
     return only
+
+
+@pytest.mark.parametrize(
+    ("head", "row", "problem"),
+    [
+        (
+            "point,x0_mm",
+            "a,10",
+            "row 1: the columns time_s and frame are missing; add time_s, or add frame and give --r",
+        ),
+        ("time_s,point,x0_mm", "0.1,a,10", "row 1: --rate needs the column frame; a table with the column time_s"),
+        ("frame,point,x0_mm", "1,a,30.6", r"row 2: x0_mm = .* on the beam, from 0 to length_mm = 30"),
+    ],
+)
+def test_a_table_without_times_or_with_a_point_beside_the_beam_is_refused(
+    tmp_path: Path, head: str, row: str, problem: str
+) -> None:
+    path = tmp_path / "flick.csv"
+    path.write_text(f"{head},y0_mm,x_mm,y_mm,sigma_mm\n{row},0,10,0,0.01\n")
+    facts = MotionFacts(kind="ring_down", rate_Hz=50.0, released_s=0.0)
+    with pytest.raises(InputError, match=problem):
+        motion_csv.read_motion_csv(path, SPECIMEN, facts)
+
+
+ROW = {"point": "a", "x0_mm": "10", "y0_mm": "0", "z_mm": "0", "sigma_mm": "0.01", "x_mm": "10", "y_mm": "0"}
+
+
+@pytest.mark.parametrize(
+    ("good", "bad", "problem"),
+    [
+        ({"x0_mm": "30"}, {"x0_mm": "30.001"}, "on the beam, from 0 to length_mm = 30"),
+        ({"x0_mm": "0"}, {"x0_mm": "-0.001"}, "on the beam, from 0 to length_mm = 30"),
+        ({"y0_mm": "-1.5"}, {"y0_mm": "-1.501"}, "on the beam, .*width_mm = 3"),
+        ({"z_mm": "2.5"}, {"z_mm": "2.501"}, "in the beam, .*depth_mm = 5"),
+        ({"sigma_mm": "0.001"}, {"sigma_mm": "0"}, "greater than 0"),
+        ({"point": "n" * 64}, {"point": "n" * 65}, "a name of at most 64 bytes"),
+        ({"point": "é" * 32}, {"point": "é" * 33}, "a name of at most 64 bytes"),
+    ],
+)
+def test_a_tracked_point_lies_on_the_beam(good: dict[str, str], bad: dict[str, str], problem: str) -> None:
+    tracked = points_csv._tracked([Row(Path("points.csv"), 2, ROW | good)], SPECIMEN)
+    assert tracked.names == ((ROW | good)["point"],)
+    with pytest.raises(InputError, match=problem):
+        points_csv._tracked([Row(Path("points.csv"), 2, ROW | bad)], SPECIMEN)
 
 
 def test_the_frames_of_a_table_become_times(tmp_path: Path) -> None:

@@ -178,6 +178,20 @@ def test_a_flipped_bit_in_the_names_of_a_heap_is_flipped_back(
     file.close()
 
 
+def test_a_mended_file_is_read_from_its_beginning(tmp_path: Path) -> None:
+    (tmp_path / "file.bin").write_bytes(b"0123456789")
+    file = MendedFile(tmp_path / "file.bin")
+    file.patch(1, b"ab")
+    assert file.tell() == 0
+    assert file.read(4) == b"0ab3"
+    assert file.read() == b"456789"
+    assert file.seek(-2, 2) == 8
+    assert file.seek(-1, 1) == 7
+    assert file.read(9) == b"789"
+    assert file.bytes_at(-1, 2) == b""
+    file.close()
+
+
 def test_sound_metadata_are_left_alone(finished: Path) -> None:
     file = MendedFile(finished)
     assert mend_metadata(file) == 0

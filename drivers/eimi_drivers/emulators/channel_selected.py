@@ -95,7 +95,6 @@ class RigolDp800Dialect(_ChannelSelected):
 
     def __init__(self, supply: CoilSupply, channel: int = 1) -> None:
         super().__init__(supply, channel)
-        self._named = ""
         ovp = TripLevel(supply, "voltage_V", supply.max_voltage_V, 1.1 * supply.max_voltage_V, on=False)
         ocp = TripLevel(supply, "current_A", supply.max_current_A, 1.1 * supply.max_current_A, on=False)
         self.questions["OUTP?"] = lambda: "ON" if supply.output_on() else "OFF"
