@@ -173,3 +173,21 @@ def test_a_sum_of_terms_with_a_negative_coefficient_is_as_stable_as_the_same_yeo
     assert 1.0 < found[0] < 6.0
     assert found[1] == np.inf
     assert reached.tolist() == [6.0] * 5
+
+
+def test_coordinates_of_an_ogden_law_share_the_modulus_between_its_terms():
+    x = np.array([[30e3, 0.2, 0.7, 1.5, 6.0, -2.0], [10e3, 0.5, 0.1, 2.0, 8.0, -4.0]])
+    parameters = LAWS["ogden"].from_coordinates(x)
+    shares = parameters[:, 0::2] * parameters[:, 1::2] / (2 * x[:, :1])
+    assert shares == pytest.approx(np.array([[0.2, 0.8 * 0.7, 0.8 * 0.3], [0.5, 0.5 * 0.1, 0.5 * 0.9]]))
+    assert parameters[:, 1::2] == pytest.approx(x[:, 3:])
+    assert LAWS["ogden"].initial_shear_modulus(parameters) == pytest.approx(x[:, 0])
+
+
+def test_coordinates_of_other_laws_share_the_modulus_between_their_parameters():
+    rivlin = LAWS["mooney-rivlin"].from_coordinates(np.array([[40e3, 0.3]]))
+    assert rivlin == pytest.approx(np.array([[20e3 * 0.7, 20e3 * 0.3]]))
+    law = SumOfTerms.of("i1^2", "i2", "i1", "fung=0.2")
+    found = law.from_coordinates(np.array([[40e3, 0.05, 0.2, 0.3], [10e3, 0.5, 0.0, 0.4]]))
+    assert found == pytest.approx(np.array([[2e3, 20e3, 8e3, 12e3], [5e3, 6e3, 0.0, 4e3]]))
+    assert law.initial_shear_modulus(found) == pytest.approx([40e3, 10e3])

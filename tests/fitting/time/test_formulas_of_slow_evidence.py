@@ -272,6 +272,16 @@ def optimum() -> TimeOptimum:
     return optimum_of(Problem(Terms(1, (0.01, 30.0), 50e3), (Normal(0.1, 0.02),), 0.05))
 
 
+def test_measurements_that_contradict_each_other_lower_the_evidence() -> None:
+    def of(*means: float) -> TimeOptimum:
+        evidence = tuple(Normal(mean, 0.02) for mean in means)
+        return optimum_of(Problem(Terms(1, (0.01, 30.0), 50e3), evidence, 0.05))
+
+    agreeing, apart = of(0.1, 0.1), of(0.05, 0.15)  # each 2.5 standard deviations from the mean of both
+    assert apart.chi2 - agreeing.chi2 == pytest.approx(2 * 2.5**2, rel=1e-3)
+    assert agreeing.log_evidence - apart.log_evidence == pytest.approx(2.5**2, rel=1e-2)
+
+
 def test_the_evidence_of_an_optimum_is_that_of_a_normal_distribution(optimum: TimeOptimum) -> None:
     problem, at = optimum.problem, optimum.unknowns
     assert np.log(problem.terms.split(at[None, :-1])[0][0] / 50e3) == pytest.approx(0.1, abs=1e-3)
