@@ -163,3 +163,17 @@ def test_a_current_drifts_by_1_A_per_s(seconds: float, drifted_A: float) -> None
 def test_an_unknown_driver_is_told_its_kind(drivers: Any, kind: str) -> None:
     with pytest.raises(UnknownDriver, match=f"^there is no {kind} driver 'nonesuch'; the names are: "):
         drivers["nonesuch"]
+
+
+@pytest.mark.parametrize(
+    ("driver", "local"),
+    [("keysight-e3631a", True), ("keysight-e364x", True), ("keysight-e3632a", True), ("scpi", False)],
+)
+def test_on_a_serial_line_some_supplies_obey_only_after_they_were_set_to_remote(driver: str, local: bool) -> None:
+    coil = CoilSupply(SimulatedClock())
+    line: Any = emulate(driver, coil)
+    line.connect_serially()
+    line.receive(b"INST:NSEL 1\nVOLT 2\n")
+    assert coil.state.set_voltage_V == (0.0 if local else 2.0)
+    line.receive(b"SYST:REM\nINST:NSEL 1\nVOLT 3\n")
+    assert coil.state.set_voltage_V == 3.0

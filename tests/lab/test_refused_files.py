@@ -44,6 +44,7 @@ def check_of(file: h5py.File) -> None:
         ("entry/data/frames", h5py.ExternalLink("other.h5", "/x")),
         ("entry/states/index", h5py.SoftLink("/entry")),
         ("entry/ring_down_points/0/points", h5py.SoftLink("/entry")),
+        ("entry/sample/environment/probe/short_name", h5py.SoftLink("/entry")),
         ("entry/sample/environment/probe/value_log/value", h5py.SoftLink("/entry")),
         ("entry/sample/environment/probe/stated/unit", h5py.SoftLink("/entry")),
         ("entry/segmentation/edges/left/points", h5py.SoftLink("/entry")),

@@ -213,3 +213,24 @@ def test_each_search_knows_the_last_reliable_state(monkeypatch: pytest.MonkeyPat
         "2 points on the left edge and 2 on the right, S; notes: N",
     ]
     assert [[one.name for one in edge_set.flags] for edge_set in found] == [[], ["WIDTH_ANOMALY"], ["S", "N"]]
+
+
+def test_the_straightest_beam_judges_the_clamp_for_the_curved_ones(monkeypatch: pytest.MonkeyPatch) -> None:
+    # A beam counts as curved from 10 degrees above the smallest angle; the sign of an angle does not matter.
+    dark = flag("TOO_DARK")
+    offset, larger = (Flag("CALIBRATION_STALE", value, 0.1, "move", widens_in="mm") for value in (0.2, 0.9))
+    angles: dict[int, float] = {}
+
+    def judged(*states: tuple[float, tuple[Flag, ...]]) -> list[tuple[Flag, ...]]:
+        edge_sets = [edges(0.0, *flags) for _, flags in states]
+        angles.update({id(one): angle for one, (angle, _) in zip(edge_sets, states, strict=True)})
+        return [one.flags for one in segmentation.clamp_judged_when_straight(edge_sets)]
+
+    monkeypatch.setattr(segmentation, "tip_angle_deg", lambda one: angles[id(one)])
+    assert judged((-2.0, ()), (11.9, (larger,)), (-12.1, (dark, larger)), (NAN, (larger,))) == [
+        *((), (larger,), (dark,), (larger,)),
+    ]
+    assert judged((40.0, (dark,)), (-41.0, (larger, dark)), (3.0, (offset, dark)), (-3.5, ())) == [
+        *((dark,), (dark, offset), (offset, dark), ()),
+    ]
+    assert judged((NAN, (offset,)), (NAN, ())) == [(offset,), ()]
