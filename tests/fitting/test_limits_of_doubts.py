@@ -14,8 +14,15 @@ import pytest
 from eimi_fitting import LAWS, Magnet, Specimen
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
+from eimi_fitting.beam.twist import torsion_constant_mm4
 from eimi_fitting.beam.view import View
-from eimi_fitting.inference.doubts import cause_doubts, causes_in_pictures, causes_in_specimens, named_error
+from eimi_fitting.inference.doubts import (
+    cause_doubts,
+    causes_in_pictures,
+    causes_in_specimens,
+    named_error,
+    twisted_picture,
+)
 from eimi_fitting.inference.doubts.causes import NONE, Cause, Weighed, _most_probable, _of_classes
 from eimi_fitting.inference.doubts.coefficients import Coefficients, _blocks
 from eimi_fitting.inference.doubts.collinear_causes import classes
@@ -205,6 +212,44 @@ def test_an_untwisted_picture_is_narrower_by_the_turned_depth() -> None:
         wider = 3.0 * (np.cos(last) - 1) + np.copysign(5.0 * np.sin(np.abs(last)), angle_deg)
         assert abs(change[-1]) < abs(wider)
         assert abs(change[-1]) > 0.6 * abs(wider)
+
+
+def test_a_bent_beam_has_the_moments_of_its_curvature_and_the_forces_beyond_each_section() -> None:
+    specimen = replace(BEAM, magnet=None)
+    model, loads = BeamModel(specimen, 8, 1), Loads.along([0.0], tip_force_N=[0.02])
+    radius_mm, along_mm = 25.0, model.grid.straight_mm[model.mesh.row(0), 0]
+    angle = along_mm / radius_mm
+    arc_mm = radius_mm * np.stack([np.sin(angle), 1 - np.cos(angle)], axis=-1)[None]
+    experiment: Any = SimpleNamespace(model=model, loads=loads)
+    moments, forces = twisted_picture._moments_and_forces(arc_mm, along_mm, experiment, 40e3)
+    # 3 G is the stiffness of an incompressible material in tension; b h^3 / 12 is the second moment of area.
+    expected = 3 * 40e3 * (specimen.depth_mm * specimen.width_mm**3 / 12 * 1e-12) / (radius_mm * 1e-3)
+    assert moments[0] == pytest.approx(np.full(len(along_mm) - 1, expected), rel=1e-6)
+    between_mm = 0.5 * (along_mm[1:] + along_mm[:-1])
+    weight = 1e-9 * specimen.density_kg_m3 * specimen.width_mm * specimen.depth_mm * (specimen.length_mm - between_mm)
+    assert forces[0] == pytest.approx(weight[:, None] * loads.gravity[0] + loads.tip_force_N[0])
+
+
+def test_a_twist_has_the_torque_of_the_tilted_moment_and_the_stiffness_of_the_section(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    given: list[Any] = []
+
+    def per_tilt(*numbers: Any) -> np.ndarray:
+        given.extend(numbers)
+        return np.array([[0.0, 0.5, 0.7]])
+
+    monkeypatch.setattr(twisted_picture, "twist_per_tilt", per_tilt)
+    loads = Loads.along([5.0], field_angle_deg=30.0)
+    experiment: Any = SimpleNamespace(model=BeamModel(BEAM, 8, 1), loads=loads)
+    assert tip_twist_per_tilt(experiment, LAWS["neo-hookean"], np.array([[40e3]])) == pytest.approx([0.7])
+    middle_mm, _, _, torque, bending, torsion = given
+    assert middle_mm.shape[0] == 1
+    assert BEAM.magnet is not None
+    across = BEAM.magnet.moment_A_m2 * 5e-3 * np.array([[-np.sin(np.radians(30)), np.cos(np.radians(30))]])
+    assert torque == pytest.approx(across)
+    assert bending == pytest.approx(3 * 40e3 * BEAM.width_mm * BEAM.depth_mm**3 / 12 * 1e-12)
+    assert torsion == pytest.approx(40e3 * torsion_constant_mm4(BEAM.width_mm, BEAM.depth_mm) * 1e-12)
 
 
 def cause(name: str, probability: float, shift: float = 5.0, **more: Any) -> Cause:
