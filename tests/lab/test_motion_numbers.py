@@ -19,12 +19,22 @@ from eimi_lab.dataset import state_loads
 from eimi_lab.dataset.logged_sensor import LoggedSensor, SensorLog
 from eimi_lab.dataset.measured_field import field_line, measured_line
 from eimi_lab.dataset.measured_heating import MeasuredHeating, coil_heating, measured_heating
-from eimi_lab.dataset.moving import film, filmed_motion, flicks, free_motion, motion_csv, tracked_motion, video_times
+from eimi_lab.dataset.moving import (
+    film,
+    filmed_motion,
+    flicks,
+    free_motion,
+    motion_csv,
+    recorded_motion,
+    tracked_motion,
+    video_times,
+)
 from eimi_lab.dataset.moving.beam_modes import cantilever_modes, modal_amplitudes_mm, tip_angles_deg
 from eimi_lab.dataset.moving.clicked_line import clicked_calibration, clicked_from_changes, with_measured_axis
 from eimi_lab.dataset.moving.film import Film
 from eimi_lab.dataset.moving.motion_facts import MotionFacts
 from eimi_lab.dataset.moving.recording_checks import LOST, SLOW, flagged_lines, recordings_in_words
+from eimi_lab.dataset.steps import SetPoint
 from eimi_lab.dataset.tracked import points_csv
 from eimi_lab.dataset.tracked.axes import Placing
 from eimi_lab.dataset.tracked.tracks import Tracks
@@ -450,6 +460,70 @@ def test_lost_frames_are_told() -> None:
     ]
     assert recordings_in_words([good, bad]) == "2 recordings with 6 frames; 2 lost (RING_DOWN_LOST)"
     assert recordings_in_words([good]) == "1 recording with 3 frames"
+
+
+# Recordings of a run
+
+
+class Film3:
+    """A film of three frames at 9.9, 10.0 and 10.1 s; the current was changed at 10 s."""
+
+    middle_px = np.zeros((3, 2, 2))
+
+
+def followed(monkeypatch: pytest.MonkeyPatch, corrected: bool, seen: list[Any]) -> list[Motion]:
+    def follow(images: Any, calibration: Any, specimen: Any, label: str, projection: Any) -> Film3:
+        seen.append((list(images), calibration, specimen, label, projection))
+        if label == "unseen":
+            raise InputError(f"{label}: no beam")
+        return Film3()
+
+    def points(film: Any, calibration: Any, time_s: Any, row_time_s: float) -> Any:
+        times = time_s[:, None] + np.array([0.0, 0.05])
+        seen.append((calibration, row_time_s))
+        return SimpleNamespace(
+            points_mm=np.arange(12.0).reshape(3, 2, 2), rest_mm=np.ones((2, 2)), time_s=times, sigma_mm=0.1 * times
+        )
+
+    monkeypatch.setattr(recorded_motion, "follow_film", follow)
+    monkeypatch.setattr(recorded_motion, "points_of_film", points)
+    dataset: Any = SimpleNamespace(
+        calibration="calibration",
+        specimen="specimen",
+        correction=lambda: SimpleNamespace(apply=lambda image: image + 1) if corrected else None,
+        camera_setting={"row_time_s": None, "exposure_s": 0.004}.get,
+    )
+    frames: Any = SimpleNamespace(images=lambda: iter([1, 2, 3]), time_s=np.array([9.9, 10.0, 10.1, 10.2]))
+    points_of_time = [
+        SetPoint(time_s, current_A, 0.002) for time_s, current_A in ((4.0, 0.5), (10.0, 0.0), (12.0, 1.0))
+    ]
+    found: list[Motion] = []
+    for label in ("run: state 1", "unseen"):
+        found += recorded_motion._followed(
+            dataset, frames, "ring_down", points_of_time[1], points_of_time, 0.5, "projection", label
+        )
+    return found
+
+
+@pytest.mark.parametrize("corrected", [False, True])
+def test_a_recorded_motion_begins_after_the_change_of_the_current(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], corrected: bool
+) -> None:
+    seen: list[Any] = []
+    (found,) = followed(monkeypatch, corrected, seen)
+    images = [2, 3, 4] if corrected else [1, 2, 3]
+    assert seen == [
+        (images, "calibration", "specimen", "run: state 1", "projection"),
+        ("calibration", 0.0),
+        (images, "calibration", "specimen", "unseen", "projection"),
+    ]
+    assert "note: unseen: no beam" in capsys.readouterr().err
+    assert found.time_s == pytest.approx(np.array([[0.1, 0.15]]))  # the frame at the change is no frame after it
+    assert found.points_mm.tolist() == [[[8.0, 9.0], [10.0, 11.0]]]
+    assert found.sigma_mm == pytest.approx(np.array([[0.01, 0.015]]))
+    assert (found.kind, found.label, found.exposure_s) == ("ring_down", "run: state 1", 0.004)
+    assert (found.from_A, found.to_A, found.step_uncertainty_s) == (0.5, 0.0, 0.002)
+    assert found.history == ((-6.0, 0.5),)
 
 
 # Clicked points
