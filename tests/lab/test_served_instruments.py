@@ -123,6 +123,7 @@ def test_the_supply_of_the_virtual_rig_speaks_like_a_korad(connected: dict[str, 
     assert connected["served"] == []
     connected["options"]["announce"]("/dev/pts/3", "coil line")
     assert load_rig(tmp_path / "client.toml").supply.address == "/dev/pts/3"
+    assert "sensors" not in (tmp_path / "client.toml").read_text()
     assert said[0] == f"supply at /dev/pts/3, GigE camera at {served_bench.LOOPBACK}"
 
 
