@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eimi_drivers.clock import SimulatedClock
+from eimi_drivers.clock import SimulatedClock, WallClock
 from eimi_fitting import Loads, Magnet, Specimen
 from eimi_fitting.beam.beside import SolidBeside
 from eimi_fitting.laws.prony import Prony
@@ -351,7 +351,8 @@ def test_a_served_picture_begins_at_the_corner_of_the_sensor(monkeypatch: pytest
     image = np.arange(12, dtype=np.uint16).reshape(3, 4) * 256
     taken = []
     camera = SimpleNamespace(grab=lambda timeout_s: taken.append(timeout_s) or SimpleNamespace(image=image))
-    monkeypatch.setattr(served_bench, "virtual_camera", lambda *arguments: camera)
+    given: list[Any] = []
+    monkeypatch.setattr(served_bench, "virtual_camera", lambda *arguments: given.extend(arguments) or camera)
     monkeypatch.setattr(served_bench, "RemoteCoil", lambda line: line)
     rig = small_rig()
     optics = replace(rig.virtual.optics, bits=12)
@@ -361,7 +362,13 @@ def test_a_served_picture_begins_at_the_corner_of_the_sensor(monkeypatch: pytest
             "camera": rig.camera.model_copy(update={"region": (2, 1, 4, 3)}),
         }
     )
-    shown = pictures(rig, load_specimen("type1"), "line")()
+    rig = rig.model_copy(update={"camera": rig.camera.model_copy(update={"frame_rate_Hz": 50.0})})
+    specimen = load_specimen("type1")
+    shown = pictures(rig, specimen, "line")()
+    of_rig, of_specimen, coil, clock = given
+    assert of_rig.camera.frame_rate_Hz is None
+    assert (of_rig.supply, of_specimen, coil) == (rig.supply, specimen, "line")
+    assert isinstance(clock, WallClock)
     assert len(taken) == 2  # the first one before the camera is served
     assert shown.dtype == np.uint8
     assert shown.shape == (4, 6)
