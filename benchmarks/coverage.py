@@ -4,8 +4,8 @@ python -m benchmarks.coverage [--experiments 2000] [--seed 1] [--workers 2]
 
 Each experiment is a simulated measurement with random errors of the inputs, and a fit that knows only the nominal
 inputs. The goal is a share of 93 to 97 %, apart from statistical errors, and intervals that are at most 1.15 times as
-wide as intervals with a share of 95 %. The column "drawn" checks the random errors: it gives the share of experiments
-in which they change the modulus by at most 1.96 standard deviations of this change, 95 % being expected.
+wide as intervals with a share of 95 %. The column "drawn" checks the random errors of the inputs: the share of
+experiments in which they shift the modulus by less than 1.96 standard deviations of this shift (expected: 95 %).
 """
 
 # Each experiment is a separate virtual measurement. A source is an input with an uncertainty that the files of

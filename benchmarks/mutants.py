@@ -111,9 +111,9 @@ class Mutant:
     is_generated: bool = False
 
     def room_tests(self, project: Path) -> list[str]:
-        """Return, for a random mistake, the test files to run after ``tests``; an empty list for a listed mistake.
+        """Return the test files to run after ``tests`` for a mistake that was generated at random, else an empty list.
 
-        They import the file with the mistake, or ``room_tests.toml`` lists them for its folder.
+        These test files import ``self.file``, or ``room_tests.toml`` lists them for its folder.
         """
         if not self.is_generated:
             return []

@@ -32,7 +32,7 @@ _VERDICTS = ("right", "doubted", "refused", "thin", "silent")
 
 
 def verdict(edges: EdgeSet, scored: PictureScore) -> str:
-    """Return the first verdict in the list of the module that applies to the detected edges of a changed photograph."""
+    """Return the verdict (see the module) on the edges that were found in a changed photograph, such as ``right``."""
     severities = {flag.severity for flag in edges.flags}
     if not len(edges.left.points_mm) or Severity.UNUSABLE in severities:
         return "refused"

@@ -111,7 +111,7 @@ CORNERS_OF_SPINE = """
 
 
 def dataset(folder: Path, name: str, specimen: str, corners: str) -> Path:
-    """Write the files of the cantilever or the spine, import them, and return the path of the dataset.
+    """Write the files of one photographed silicone body, import them, and return the path of the dataset.
 
     `specimen` is the text of the specimen file. `corners` are marked points of the body, rows of the file points.csv.
     """

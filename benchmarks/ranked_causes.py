@@ -132,7 +132,7 @@ class Ranked:
 
     @property
     def is_second(self) -> bool:
-        """Whether the true cause is among the two most probable ones, or two true causes are among the three."""
+        """Whether the true cause is among the two most probable ones, or two true ones are among the first three."""
         return self.true <= {entry.name for entry in self.causes[: len(self.true) + 1]}
 
     @property
@@ -164,7 +164,7 @@ class Ranked:
 
     @property
     def is_said(self) -> bool:
-        """Whether the 95 % interval contains the true modulus, as it is or after a correction that a warning states."""
+        """Whether the true modulus is in the 95 % interval, or in it after the correction that a warning states."""
         if self.holds or self.doubted_percent is None:
             return self.holds
         least, most = self.doubted_percent

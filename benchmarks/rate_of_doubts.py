@@ -71,7 +71,7 @@ def fitted(seed: int, exact: bool, one_polarity: bool) -> Ranked:
 
 
 def drawn_values(seed: int) -> dict[str, float]:
-    """Return the true size of each possible cause of residuals, such as a wrong width, by name, in units of a fit."""
+    """Return the true sizes of possible causes of residuals, such as a wrong width, in the units that a fit reports."""
     drawn = {key: float(values[-1]) for key, values in _deviations(seed).items()}
     magnet = STATED.mechanics().magnet
     assert magnet is not None

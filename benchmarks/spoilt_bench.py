@@ -194,7 +194,7 @@ maximum = 12.0
             os.kill(self.guardian, signal.SIGKILL)
 
     def _is_unidentified(self) -> bool:
-        """Return whether the message `UNIDENTIFIED` of the guardian is older than `TRIES_FOR_S` (s).
+        """Return whether the guardian reported, over `TRIES_FOR_S` s ago, that it cannot identify the coil's supply.
 
         The guardian is the process that switches the coil off after a failed run.
         """

@@ -98,10 +98,10 @@ def drawn_material(rng: np.random.Generator) -> tuple[float, Prony]:
 
 
 def _stiffness_slopes() -> tuple[Stiffness, np.ndarray]:
-    """Return the stiffness of a rod with a hinge at the magnet, which replaces the beam, and its derivatives, (3, 3).
+    """Return the stiffness (three values) of the rod that simulates the beam, and its derivatives, (3, 3).
 
-    Rows: derivatives by ln(width), ln(depth), ln(length) of the beam. Columns: ln(length of the rod), ln(stiffness of
-    the hinge), loss of bending stiffness per squared curvature (m²).
+    Rows: derivatives by ln(width), ln(depth), ln(length) of the beam. Columns: those of ln(length of the rod),
+    ln(stiffness of its hinge at the magnet), loss of bending stiffness per squared curvature (m²).
     """
 
     def rod(specimen: Specimen) -> Stiffness:
@@ -118,7 +118,7 @@ def _stiffness_slopes() -> tuple[Stiffness, np.ndarray]:
 
 
 def stiffness_near(specimen: Specimen) -> Stiffness:
-    """Return the stiffness of the simulated rod for a specimen with nearly nominal dimensions."""
+    """Return the stiffness of the rod that simulates a specimen, from the nominal stiffness and its derivatives."""
     nominal, slopes = once("stiffness", _stiffness_slopes)
     change = np.log([getattr(specimen, key) / getattr(BEAM, key) for key in ("width_mm", "depth_mm", "length_mm")])
     length, hinge, softening = change @ slopes

@@ -42,9 +42,9 @@ class KeptTable(RingTable):
 
 @contextmanager
 def tables_shared(store: Path) -> Iterator[None]:
-    """Share the tables of frequencies and the curves of loads of all fits in the `with` block.
+    """Compute tables of frequencies and of the moments of the loads only once for all fits in the `with` block.
 
-    They are read from the file `store`, and written to this file at the end.
+    The tables are read from the file `store`, and written to it at the end.
     """
     _KEPT.update(pickle.loads(store.read_bytes()) if store.exists() else {})
     loaded = len(_KEPT)

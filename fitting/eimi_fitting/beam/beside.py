@@ -213,7 +213,7 @@ class SolidBeside:
     ) -> DepthEffect | None:
         """Return the depth effect (solid minus planar shapes) of a candidate law, interpolated between load states.
 
-        None if the loads are not on a straight line, or if the solid model is not solved in a needed load state.
+        None if the load vectors are not on a straight line, or if the solid model is not solved in a needed load state.
         lift: displacements of the planar model at the nodes of the solid mesh. flat: the planar shapes.
         """
         along = _along_ray(loads)

@@ -78,7 +78,7 @@ class DepthEffect:
     def at(self, place: float) -> Configuration:
         """Return the interpolated difference of the solid and the planar configuration.
 
-        place: the value of s: rotation of the tip in rad if ``by_turn``, else load from 0 to 1.
+        place: rotation of the tip in rad if ``by_turn`` (an attribute), else load from 0 to 1.
         """
         weights = self._weights(place)
         if self.base is None:
@@ -91,7 +91,7 @@ class DepthEffect:
         Parameters
         ----------
         places : ndarray, shape (K,)
-            The value of s in each state: rotation of the tip in rad if ``by_turn``, else load from 0 to 1.
+            In each state, rotation of the tip in rad if ``by_turn`` (an attribute), else load from 0 to 1.
 
         Returns
         -------
@@ -115,27 +115,26 @@ class DepthEffect:
     def _weights(self, place: float) -> list[float]:
         """Return the weights of Lagrange's interpolation between the load states in which the solid model was solved.
 
-        place: the value of s: rotation of the tip in rad if ``by_turn``, else load from 0 to 1.
+        place: rotation of the tip in rad if ``by_turn`` (an attribute), else load from 0 to 1.
         """
         nodes = (*self.places, *self.places_of_base)
         return [prod((place - s) / (t - s) for s in nodes if s != t) for t in self.places]
 
     @cached_property
     def _from_base(self) -> tuple[Configuration, ...]:
-        """The differences of solid and planar shapes minus those of a similar law (``base``)."""
+        """What is interpolated: the depth effects minus those of a similar law (``base``) in the same states."""
         assert self.base
         pairs = zip(self.places, self.differences, strict=True)
         return tuple(combine([1.0, -1.0], [difference, self.base.at(place)]) for place, difference in pairs)
 
     @property
     def places_of_base(self) -> tuple[float, ...]:
-        """The values of s at which the depth effect is taken as that of a similar law (``base``): zero, or none."""
-        # At a rotation of zero, the difference from ``base`` is taken as zero.
+        """The rotation 0 if the depth effect there is taken as that of a similar law (``base``), else no rotation."""
         return (0.0,) if self.base and self.by_turn else ()
 
     @cached_property
     def without_base(self) -> DepthEffect:
-        """The depth effect as one polynomial that does not contain the depth effect of a similar law (``base``)."""
+        """The same depth effect as a single polynomial, which includes the depth effect of a similar law (``base``)."""
         if self.base is None or not self.places:
             return self.base or self
         scale = self.places[0] / self.base.places[0] if self.by_turn else 1.0
@@ -143,23 +142,23 @@ class DepthEffect:
         return DepthEffect(places, tuple(self.at(place) for place in places), self.by_turn)
 
     def covers(self, places: Array) -> bool:
-        """Return whether K load states are at most 10 % outside the range of the one polynomial `without_base`.
+        """Return whether K load states are at most 10 % outside the range of the load states of `without_base`.
 
-        places: the value of s in each state: rotation of the tip in rad if ``by_turn``, else load from 0 to 1, (K,).
+        places: rotation of the tip in rad if ``by_turn`` (an attribute), else load from 0 to 1, in each state, (K,).
         """
         return bool(self.without_base.reaches(places).all())
 
     def reaches(self, places: Array) -> NDArray[np.bool_]:
-        """Return whether each of K load states is at most 10 % outside the range of the interpolation, (K,).
+        """Return whether each of K load states is at most 10 % outside the range of the solved states, (K,).
 
-        places: the value of s in each state: rotation of the tip in rad if ``by_turn``, else load from 0 to 1, (K,).
+        places: rotation of the tip in rad if ``by_turn`` (an attribute), else load from 0 to 1, in each state, (K,).
         """
         solved = (*self.places, *self.places_of_base)
         beyond = _EXTRAPOLATED * np.ptp(solved)
         return np.asarray((min(solved) - beyond <= places) & (places <= max(solved) + beyond))
 
     def thinned(self, most: int) -> DepthEffect:
-        """Return an interpolation through at most ``most`` of the load states in which the solid model was solved."""
+        """Return the depth effect interpolated through at most ``most`` of the solved load states."""
         chosen = [int(np.argmax(np.abs(self.places)))]
         places = np.array(self.places)
         while len(chosen) < min(most, len(places)):
@@ -169,9 +168,9 @@ class DepthEffect:
         )
 
     def with_one(self, place: float, difference: Configuration) -> DepthEffect:
-        """Return the interpolation through one more load state.
+        """Return the depth effect interpolated through one more load state.
 
-        place: the value of s: rotation of the tip in rad if ``by_turn``, else load from 0 to 1. difference: solid minus
+        place: rotation of the tip in rad if ``by_turn`` (an attribute), else load from 0 to 1. difference: solid minus
         planar configuration.
         """
         return DepthEffect((*self.places, place), (*self.differences, difference), self.by_turn, self.base)

@@ -121,7 +121,7 @@ class TipForce:
         return TipForce(self.numbers[states])
 
     def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
-        """Add the force to the magnet or to the nodes around the point.
+        """Add the force to ``total``: to the magnet if its point is there, else to the nodes around this point.
 
         numbers: force (x, y) in N, (2,). field_factor: not used.
         """

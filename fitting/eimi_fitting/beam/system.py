@@ -104,8 +104,8 @@ class System:
         right : ndarray, shape (B, n) or (1, n)
             Right-hand side for the n unknowns of the nodes.
         body : tuple of three ndarrays, or None
-            For the three unknowns of the motion of the rigid magnet: derivatives by it of the unknowns of the H
-            elements that touch the magnet, (H, B, d, 3); stiffness, (B, 3, 3); loads, (B, 3) or (1, 3).
+            For the motion of the rigid magnet (three unknowns): derivatives of the unknowns of the H elements that
+            touch the magnet by this motion, (H, B, d, 3); stiffness, (B, 3, 3); loads, (B, 3) or (1, 3).
         sound : ndarray of bool, shape (B,)
             True for the candidates that are solved.
         symmetric : bool

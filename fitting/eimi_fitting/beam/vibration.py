@@ -244,7 +244,7 @@ class Vibration:
     def _times_mass(self, free: Array, rigid: Array, tie: Array | None, now: Configuration) -> tuple[Array, Array]:
         """Return the mass matrix times m shapes: n unknowns of the nodes, (m, B, n), and the magnet, (m, B, 3).
 
-        free, rigid, tie: as in `_local`.
+        free, rigid: the shapes. tie: derivatives of the displacements of elements at the magnet by its motion.
         """
         local = self._local(free, rigid, tie)
         m, e, b, u = local.shape

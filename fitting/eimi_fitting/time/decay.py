@@ -167,7 +167,7 @@ def decay_of(signals: Signals, label: str, length_mm: float, *, is_stepped: bool
 
 
 def _fitted(part: Signals, frequency: float, hangs: bool) -> tuple[ModalFit, tuple[Window, ...], slice]:
-    """Fit damped vibrations to ``part``; return the fit, its time windows, and the slice of the undisturbed windows."""
+    """Fit damped vibrations to ``part``; return the fit, its time windows, and the slice of the windows used."""
     fitted = ModalFit.first_of(part, frequency)
     part = _without_end(part, fitted)
     fitted = ModalFit.of(part, fitted.modes, False)

@@ -281,7 +281,7 @@ _STRETCH = 2.0
 def _features(terms: Terms, unknowns: Array, omegas: Array) -> Array:
     """Return f quantities of each of P laws of time, such as ln(modulus) at ``omegas`` (rad/s), (P, f).
 
-    The random draws approximate the residuals by a linear function of them.
+    To draw laws fast, the residuals are approximated by a linear function of these quantities.
     """
     instantaneous, series = terms.split(unknowns[:, :-1])
     ratio = series.complex_ratio(np.broadcast_to(1j * omegas, (len(unknowns), len(omegas))))

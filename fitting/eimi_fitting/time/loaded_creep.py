@@ -50,7 +50,7 @@ class LoadCurve:
 
     @staticmethod
     def through(nominal: tuple[Array, Array], stronger: tuple[Array, Array], factor: float) -> LoadCurve:
-        """Return the moment of the loads as a function of the rotation of the tip, interpolated between points.
+        """Return the moment of the loads, divided by a constant in m³, as a function of the rotation of the tip.
 
         nominal: rotations in rad and moments in Pa rad. stronger: those in a field that is ``factor`` times as strong.
         """
@@ -74,7 +74,7 @@ class LoadCurve:
         return LoadCurve(ends, -stiffness_Pa * ends, 0 * ends)
 
     def at(self, rotation: Array) -> tuple[Array, Array]:
-        """Return the moment of the loads (Pa rad) and its derivative by the rotation (Pa) at P rotations, (P,) each."""
+        """Return the moment of the loads, divided by a constant in m³, and its derivative (Pa) at P rotations, (P,)."""
         x, y, slopes = self.rotation, self.moment, self._slopes
         i = np.searchsorted(x[1:-1], rotation)
         return y[i] + slopes[i] * (rotation - x[i]), slopes[i]

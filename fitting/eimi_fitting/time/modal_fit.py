@@ -46,8 +46,8 @@ class ModalFit:
     modes : ndarray, shape (m, 2)
         ln(angular frequency in rad/s) and loss factor of each mode.
     bend : ndarray, shape (2,)
-        kappa_1 and kappa_2: relative change of the frequency, and half of the change of the loss factor, from small
-        amplitudes to the first frame, for the first mode.
+        kappa_1 and kappa_2: relative excess of the first mode's frequency at the first frame over that at small
+        amplitudes, and half of the excess of its loss factor.
     has_bend : bool
         Whether ``bend`` was fitted.
     chi2 : float
@@ -148,7 +148,7 @@ class ModalFit:
         return bool((np.abs(self.bend) <= _MOST_BEND * [1.0, self.modes[0, 1]]).all())
 
     def strongest_first(self) -> ModalFit:
-        """Return the fit with reordered modes: first the largest of the vibrations near the first frequency."""
+        """Return the fit with reordered modes: the largest of those close in frequency to ``modes[0]`` comes first."""
         sizes = [float(np.abs(self.vibration_mm(k)).max()) for k in range(len(self.modes))]
         close = np.abs(self.modes[:, 0] - self.modes[0, 0]) < np.log(_CLOSE)
         strongest = int(np.argmax(np.where(close, sizes, 0.0)))
@@ -203,8 +203,8 @@ def with_more_modes(fitted: ModalFit) -> ModalFit:
 def exponent(time: Array, mode: Array, bend: Array) -> NDArray[np.complex128]:
     """Return the complex exponent psi of a damped vibration Re(a exp(psi)) at n times, (n,).
 
-    mode: ln(angular frequency in rad/s) and loss factor, (2,). bend: changes kappa_1 and kappa_2 with the amplitude, as
-    in the module, (2,), or empty.
+    mode: ln(angular frequency in rad/s) and loss factor, (2,). bend: kappa_1 and kappa_2 of the
+    module, which describe their changes with the amplitude, (2,), or empty.
     """
     omega, loss = np.exp(mode[0]), mode[1]
     delta = 0.5 * loss * omega
@@ -218,8 +218,8 @@ def exponent(time: Array, mode: Array, bend: Array) -> NDArray[np.complex128]:
 def design_matrix(time: Array, modes: Array, bend: Array) -> Array:
     """Return the functions of time whose linear combinations are fitted to a ring-down, one in each column.
 
-    modes: ln(angular frequency in rad/s) and loss factor of each mode, (m, 2). bend: changes kappa_1 and kappa_2 of
-    the first mode with the amplitude, as in the module, (2,), or empty.
+    modes: ln(angular frequency in rad/s) and loss factor of each mode, (m, 2). bend: kappa_1 and kappa_2 of the
+    module, which describe the changes of the first mode with the amplitude, (2,), or empty.
     """
     t = time - time[0]
     first = exponent(t, modes[0], bend)

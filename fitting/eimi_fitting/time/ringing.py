@@ -107,7 +107,7 @@ class RingTable:
         return fixed_point(squares, of_inside, (len(inside), min(count, _MODES)))
 
     def _squares(self, log_modulus: Array, load_log: Array, count: int) -> Ratio:
-        """Return a function that computes squared angular frequencies of ``count`` planar modes for P laws in 1/s²."""
+        """Return the squared angular frequencies (1/s²) of planar modes as a function of modulus / modulus at rest."""
         each = np.exp(self._size(log_modulus))[:, :, None] * self._polynomials(log_modulus)
         polynomials = np.einsum("pf,fpdk->pdk", _lagrange(self._load_logs, load_log), each)
         columns = polynomials[..., :count].swapaxes(0, 1)
@@ -163,11 +163,10 @@ class RingTable:
 
     @cached_property
     def fixed_weight_log(self) -> float:
-        """The change of ln(frequency) if the hanging weight moved with the tip in all directions."""
+        """The change of ln(frequency) if the hanging weight moved with the tip across gravity as well as along it."""
         beam = self.beam
         if not beam.hanging_N:
             return 0.0
-        # A weight on a thread moves with the tip along gravity only.
         fixed = Vibration(beam.planar(), beam.hanging_N / STANDARD_GRAVITY)
         motion, _ = fixed.about(beam.law, beam.parameters(np.array([self.middle_Pa])), beam.loads)
         return float(np.log(motion.frequencies_Hz(1)[0, 0] / beam.undamped_Hz(self.middle_Pa, 1)[0]))
@@ -210,7 +209,7 @@ class RingTable:
         Returns
         -------
         factors : ndarray, shape (3, 2)
-            Squared angular frequencies of three modes at both `_RATIOS`: fine mesh divided by coarse mesh.
+            Squared angular frequencies, fine mesh divided by coarse mesh, of three modes for two moduli (`_RATIOS`).
         turn_deg : float
             Rotation of the tip: fine mesh minus coarse mesh.
         """
@@ -281,7 +280,7 @@ def _chebyshev_points() -> Array:
 
 
 def _of_unit(x: Array) -> Array:
-    """Convert the variable of a Chebyshev polynomial to the modulus in a vibration over the modulus at rest."""
+    """Return the ratio (modulus in a vibration / modulus at rest) whose inverse, scaled to -1 to 1, is ``x``."""
     return np.asarray(2.0 * _LEAST_RATIO / (x + 1.0))
 
 

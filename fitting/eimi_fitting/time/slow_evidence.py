@@ -63,7 +63,7 @@ class LoadHistory:
 
 
 def _stiffness_of_gravity(beam: RingingBeam, middle_Pa: float) -> float:
-    """Return the shear modulus (Pa) with which a weightless beam resists a rotation as strongly as gravity does."""
+    """Return the stiffness of gravity against a rotation as the modulus (Pa) of an equally stiff weightless beam."""
     motion, _ = beam.vibration(beam.planar()).about(beam.law, beam.parameters(np.array([middle_Pa])), beam.loads)
     return float(middle_Pa * motion.rest[0, 0, 0] / motion.material[0, 0, 0])
 
@@ -117,7 +117,7 @@ class CreepEvidence:
     def residuals_at(self, true: Array) -> Array:
         """Return the residuals of k measured rotations of the tip and of one prior for P candidate laws, (P, k + 1).
 
-        The prior is that of the shift of the mean rotation by the free vibration. true: the rotations at k times that
+        The prior limits the shift of the mean rotation by the free vibration. true: the rotations at k times that
         each law predicts, in rad, (P, k).
         """
         gap = self.shown_at(true) - self.rotation
@@ -221,9 +221,9 @@ class StaticEvidence:
         return np.asarray(gap[:, None] / np.hypot(self.sigma, _STATIC_ERROR))
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the changes of the residual by each uncertain input, such as the width, (components, 1).
+        """Return the changes of the residual by each uncertain input, such as the width, (components of the input, 1).
 
-        sources: the standard uncertainties of the inputs, by which they change.
+        sources: the standard uncertainties, by which the inputs are changed.
         """
         scale = np.hypot(self.sigma, _STATIC_ERROR)
         before = self._rotations(self.beam, 1.0)

@@ -164,7 +164,7 @@ def slow_rotations(
 def _squares(signals: Signals, decay: Decay, gain: Array) -> tuple[Array, Array]:
     """Return times in s, and the squared amplitude (rad²) of the tip's rotation in the fitted vibration.
 
-    gain: displacement for a rotation of the tip by one rad, divided by its noise, for each coordinate of a point.
+    gain: for each coordinate of a point, the displacement for a tip rotation of one rad, divided by the noise.
     """
     rows = (signals.time_s >= decay.from_s) & (signals.time_s <= decay.to_s)
     if not rows.any() or rows.sum() != len(decay.baseline_mm):
@@ -177,7 +177,7 @@ def _squares(signals: Signals, decay: Decay, gain: Array) -> tuple[Array, Array]
 def _slow_frames(signals: Signals, decay: Decay | None, gain: Array) -> tuple[Array, Array, Array]:
     """Return times in s, measured slow rotations of the tip, and amplitudes of the remaining vibration in rad, (n,).
 
-    gain: displacement for a rotation of the tip by one rad, divided by its noise, for each coordinate of a point.
+    gain: for each coordinate of a point, the displacement for a tip rotation of one rad, divided by the noise.
     """
     times = signals.time_s
 
@@ -199,9 +199,9 @@ def _slow_frames(signals: Signals, decay: Decay | None, gain: Array) -> tuple[Ar
 
 
 def _ringing_after(signals: Signals, decay: Decay, gain: Array, times_s: Array) -> Array:
-    """Return the size of the decaying vibration of the tip at m later times, (m,) in rad.
+    """Return the size of the decaying vibration of the tip at m times after ``decay.to_s``, (m,) in rad.
 
-    gain: displacement for a rotation of the tip by one rad, divided by its noise, for each coordinate of a point.
+    gain: for each coordinate of a point, the displacement for a tip rotation of one rad, divided by the noise.
     """
     rows = (signals.time_s >= decay.from_s) & (signals.time_s <= decay.to_s)
     vibration = signals.channels_mm[rows] - decay.baseline_mm if rows.sum() == len(decay.baseline_mm) else np.zeros(0)
