@@ -54,7 +54,7 @@ def directions_of_change(loads: Loads) -> Array:
 
 
 def _lagging(loads: Loads, amplitudes: Array) -> Loads:
-    """Increase the loads as if the beam were softer by the share ``amplitudes[0]`` after each decrease of the load."""
+    """Divide each load reached by a decrease by 1 - ``amplitudes[0]``, which has the effect of a softer beam."""
     return _softened(loads, 1 - amplitudes[0] * (directions_of_change(loads) < 0))
 
 

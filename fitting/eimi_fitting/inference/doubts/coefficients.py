@@ -34,14 +34,14 @@ class Coefficients:
     scale : ndarray, shape (C + 1,)
         Prior standard deviation of each unknown, then 1.
     law, simulated, common : int
-        Number of unknowns up to the last change of the law, the last error of an input, and the last error of the
-        beam model.
+        Index of the first unknown after the changes of the law, the errors of inputs, and the errors of the beam
+        model.
     of_inputs, of_causes : list of list of int
         Indices of the unknowns of each input, and of each bench error.
     columns : list of Column
         Descriptions of the errors of inputs and of the bench errors.
     remaining : ndarray, shape (E, N)
-        Change of the coefficients by the error that remains with each of E accurate beam models, in mm.
+        Change of the N coefficients in mm by the standard error of each of E accurate beam models.
     """
 
     rows: Array
@@ -98,12 +98,12 @@ class Coefficients:
         )
 
     def column(self, row: int) -> Column:
-        """Return the effect of the unknown with the index ``row``: an error of an input, or a bench error."""
+        """Return the effect on the residuals of unknown ``row``, an error of an input or a bench error."""
         return self.columns[row - self.law if row < self.common else row - self.law - self.common + self.simulated]
 
 
 def _blocks(columns: Iterable[Sequence[Column]], first: int) -> list[list[int]]:
-    """Return consecutive indices from ``first``: for each element of ``columns``, a list of the same length."""
+    """Return the numbers of each group's columns, if all columns are numbered from ``first``."""
     blocks = []
     for some in columns:
         blocks.append(list(range(first, first + len(some))))

@@ -25,16 +25,16 @@ _FEWEST = 10  # points of the remainder from which the noise is estimated
 
 @dataclass(frozen=True)
 class Projection:
-    """The linear map from residuals to N polynomial coefficients, with their variances.
+    """The linear map that replaces residuals by N polynomial coefficients with known variances.
 
-    K are the load cases, G = 2 the edges, m the points on an edge, and D the polynomials.
+    There are K load cases, G = 2 edges, m points on an edge, and D polynomials.
 
     Parameters
     ----------
     bases : tuple of ndarray, shape (K, G, m, D)
         Values of the polynomials at the points of each experiment.
     over_states, over_groups : tuple of ndarray, shape (K, K) and (G, G)
-        Orthogonal matrices for uncorrelated combinations of the load cases, and of the edges.
+        Orthogonal matrices that make errors of different load cases, or edges, uncorrelated.
     noise, error : ndarray, shape (N,)
         Variance in mm^2 of each coefficient due to noise, and due to an unexplained error of the size 1 mm.
     """
@@ -58,7 +58,7 @@ class Projection:
         return np.concatenate(parts, axis=-1)
 
     def smooth(self, changes: Array) -> Array:
-        """Return the variances (mm^2) of N polynomial coefficients due to a smooth error as large as ``changes``."""
+        """Return variances (mm^2) of N coefficients due to smooth errors as large as coefficients ``changes``."""
         parts, first = [], 0
         for basis in self.bases:
             here = slice(first, first := first + basis.shape[0] * basis.shape[1] * basis.shape[3])

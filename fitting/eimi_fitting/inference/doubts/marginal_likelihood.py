@@ -94,7 +94,7 @@ def weigh(columns: Array, members: NDArray[np.intp], y: Array, noise: Array, err
 
 
 def _common(members: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return the indices of the coefficients that all models have, (c,), and those of the others, (H, q - c)."""
+    """Return the indices of the coefficients that all models have, and of each model's other coefficients."""
     differs = (members != members[0]).any(axis=0)
     first = int(np.argmax(differs)) if differs.any() else members.shape[1]
     return members[0, :first], members[:, first:]

@@ -86,7 +86,7 @@ class PossibleCause:
     is_common : bool
         Whether all datasets share the error.
     shown : int or None
-        How many components the reported size contains; None for all.
+        How many components the report gives; None for all.
     """
 
     name: str

@@ -63,7 +63,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Solved:
-    """A simulation of one experiment: assumptions, experiment with errors, shapes of the beam and residuals in mm."""
+    """The simulated shapes and residuals (mm) of ``bent``, the experiment with the errors that ``assumed`` lists."""
 
     assumed: Assumed
     bent: Experiment

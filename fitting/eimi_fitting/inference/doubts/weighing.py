@@ -115,16 +115,15 @@ class Weighing:
         return members
 
     def shown(self, cause: int) -> int:
-        """Return how many components of a bench error its reported size contains, such as two for x and y."""
+        """Return how many components of a bench error the report gives, such as two for x and y."""
         shown, columns = self._causes[cause].shown, [self._coefficients.column(row) for row in self.blocks[cause]]
         return len(columns) if shown is None else sum(column.part < shown for column in columns) or len(columns)
 
     def alone(self, best: int) -> slice:
-        """Return the positions, in the list of all sets of bench errors, of the sets with at most one error.
+        """Return the positions in ``hypotheses`` of the sets of at most one bench error.
 
-        If inputs are uncertain, the list contains every set twice. The positions are in the same half as ``best``.
+        If inputs are uncertain, every set is there twice, first with exact inputs. Use the half of ``best``.
         """
-        # One half is without, and the other half with errors of these inputs.
         first = self.is_uncertain[best] * (len(self.hypotheses) // len(self._members))
         return slice(first, first + 1 + len(self._causes))
 
@@ -174,7 +173,7 @@ class Weighing:
         return float((change**2 / variance).sum())
 
     def as_cause(self, rows: Sequence[int], amounts: Array, cause: int) -> Array:
-        """Return the size at which a bench error changes the residuals most like given errors ``amounts`` of inputs."""
+        """Return the size of a bench error whose effect best approximates that of the errors ``amounts`` of inputs."""
         of_cause, root = self._shown_rows(cause), np.sqrt(self._variance)
         change = amounts / self._scale[rows] @ self._rows[rows] / root
         return np.linalg.lstsq((self._rows[of_cause] / root).T, change, rcond=None)[0] * self._scale[of_cause]
@@ -185,9 +184,9 @@ class Weighing:
         return float(np.linalg.norm(parts)) if parts else 0.0
 
     def if_exact(self, base: int, rows: Sequence[int]) -> Exact:
-        """Return the probability of each further bench error, beside those of one set, if some inputs are exact.
+        """Return the probability of each further bench error if the inputs with the indices ``rows`` are exact.
 
-        base: index of the set. rows: indices of these inputs.
+        base: index of the set of present bench errors.
         """
         hypothesis = self.hypotheses[base]
         causes = [cause for cause in range(len(self._causes)) if cause not in hypothesis]
@@ -205,7 +204,7 @@ class Weighing:
         return Exact(causes, probability / probability.sum(), posterior, groups)
 
     def evidence_of_sets(self) -> Posterior:
-        """Return, for each set of bench errors, the evidence (probability density of the residuals) and the sizes."""
+        """Return the evidence (probability density of data) of each set of bench errors, and the errors' sizes."""
         y = np.tile(-self._project.of(self._stated), (len(self.hypotheses), 1))
         result = self._weigh(y, self._model_error(np.zeros((1, y.shape[1]))))
         simulated_at = np.zeros_like(result.means)  # where the linear model is exact
@@ -240,7 +239,7 @@ class Weighing:
         return result
 
     def _starts(self, result: Posterior, known: NDArray[np.bool_]) -> list[tuple[int, int]]:
-        """Return pairs: a set of bench errors that was not simulated, and a simulated subset whose data it can use."""
+        """Return pairs of sets of bench errors: one not simulated, and a simulated subset whose correction it uses."""
         score = result.log_evidence + self.log_prior
         # Without a correction, a hypothesis that was not simulated seems to agree worse with the data than others. It
         # takes the correction of the most probable simulated hypothesis with a part of its causes. Both must have the
@@ -260,7 +259,7 @@ class Weighing:
         return pairs
 
     def _model_error(self, changes: Array) -> Array:
-        """Return the variances (mm^2) of N polynomial coefficients due to errors of the simulation of ``changes``."""
+        """Return variances (mm^2) of N coefficients due to errors of the beam model and of simulated ``changes``."""
         # The error after the corrections by better models, and an error of 1 per cent in each simulated change.
         of_moves = _OF_MOVE**2 * ((changes**2).sum(axis=0) + self._project.smooth(changes))
         return np.asarray(of_moves + self._project.smooth(self._coefficients.remaining))

@@ -43,7 +43,7 @@ class Experiment:
     observed : EdgeObservation or PointObservation
         The measured edges or tracked points in the K load cases.
     change : ndarray, shape (K, 2, m), optional
-        Correction in mm that is added to the residuals of m points of the two edges (or in x and y).
+        Correction (mm) added to the residuals at m points of two edges, or in x and y of m points.
     solid : SolidBeside, optional
         The three-dimensional model, which the solver uses if there is one.
     solid_options : SolidOptions, optional

@@ -86,7 +86,7 @@ def _signed_distance(curves: Array, points: Array) -> Array:
     first, middle, last = np.moveaxis(curves, -2, 0)
 
     def of_nearest(of_segment: Array) -> tuple[Array, Array]:
-        """Select the vector (x, y) of the nearest segment for each point."""
+        """Return ``of_segment`` at the segment nearest to each point."""
         # ``of_segment`` contains one vector for each segment, such as the tangent in its middle.
         # two arrays, because operations on an axis of length two are slower
         x, y = (np.take_along_axis(of_segment[..., i], segment, axis=-1) for i in range(2))
@@ -142,7 +142,7 @@ class Misfit:
     deviation_mm: Array
 
     def take(self, rows: NDArray[np.intp]) -> Misfit:
-        """Return the distances for only the sets of parameters with the indices ``rows``."""
+        """Return the residuals for only the sets of parameters with the indices ``rows``."""
         return Misfit(self.residuals[rows], self.weights, self.error_mm[rows], self.deviation_mm[rows])
 
 

@@ -63,7 +63,7 @@ class Evaluation:
 
     @property
     def standardised(self) -> Array:
-        """``curves``, ``priors`` and ``law_priors`` side by side, in standard deviations, (P, m + f + q)."""
+        """The residuals ``curves``, ``priors`` and ``law_priors`` side by side, in standard deviations."""
         return np.concatenate([self.curves, self.priors, self.law_priors], axis=1)
 
     @property
@@ -86,8 +86,8 @@ class Evaluation:
 
     @property
     def beyond(self) -> NDArray[np.bool_]:
-        """Whether the objective is limited to its largest value, for each set of unknowns, shape (P,)."""
-        # Tensile curves and priors contradict such a set very strongly.
+        """Whether tensile curves and priors contradict a set of unknowns very strongly, for P sets."""
+        # The objective of such a set has its largest value.
         return self.objective_mm == _MOST_MM
 
     @property
@@ -138,7 +138,7 @@ class Problem:
         return bool(self.unknowns.freed or self.curves or self.priors)
 
     def recorrected(self, evaluation: Evaluation, before: Problem) -> Evaluation:
-        """Replace the corrections of ``before`` in its ``evaluation`` by the corrections of this problem."""
+        """Return an ``evaluation`` of ``before`` with this problem's corrections, without a simulation."""
         comparison = evaluation.comparison
         misfits = tuple(
             experiment.recorrected(misfit, earlier)

@@ -28,7 +28,7 @@ File = Literal["specimen", "calibration", "rig"]
 
 @dataclass(frozen=True, kw_only=True)
 class Source:
-    """An input of a simulation that may be uncertain, such as the width or the background field, and its effect.
+    """An input of a simulation that may be uncertain, such as the width, and its effect.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class Source:
     usual : float
         Usual standard deviation in a laboratory, in ``unit``.
     is_decisive : bool
-        Whether a fit reports the effect of the usual standard deviation.
+        Whether a fit reports the effect of ``usual`` if no file specifies an uncertainty.
     is_even : bool
         Whether the effect is equal in a reversed field.
     common : bool

@@ -113,7 +113,7 @@ class Setup:
 
     @staticmethod
     def of(deviations: Iterable[tuple[str, int, Array | float]], candidates: int) -> Setup:
-        """Return the factor on the magnetic loads and the map to the camera's image, from errors of inputs.
+        """Return the factor on the magnetic loads and the map of the image that errors of inputs cause.
 
         Parameters
         ----------
@@ -300,7 +300,7 @@ class Unknowns:
         return precision
 
     def whole(self, unit: Array) -> Array:
-        """Return P sets of all n unknowns, (P, n), with specified values of missing uncertain inputs."""
+        """Append the specified values of those inputs that ``unit`` lacks; return P sets, (P, n)."""
         unit = np.atleast_2d(unit)
         missing = len(self.names) - unit.shape[1]
         return np.concatenate([unit, np.full((len(unit), missing), 0.5)], axis=1)

@@ -96,7 +96,7 @@ def unstated_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
 
 
 def _concerns(source: str, experiment: Experiment) -> bool:
-    """Return whether to report an input: a usual error changes the specimen, and there is a magnetic field."""
+    """Return whether a usual error of a magnetic input has an effect: it changes the specimen in a field."""
     # Without a field, the direction of magnetisation has no effect.
     before = experiment.model.specimen
     changed = specimen_under(before, {source: np.full(len(SOURCES[source].parts), SOURCES[source].usual)})
@@ -287,7 +287,7 @@ _FARTHEST = 2.0
 
 
 def steps_of(about: Linearisation, sources: Sequence[ConsideredSources], covariance: Array) -> Steps:
-    """Return how errors of the inputs ``sources`` change the fitted values, and how a removal of their bounds does.
+    """Return changes of the fitted values: due to errors of the inputs ``sources``, and without search bounds.
 
     ``covariance`` (n, n) is the covariance of the n unknowns due to noise and priors.
     """

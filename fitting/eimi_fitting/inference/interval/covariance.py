@@ -102,7 +102,7 @@ class Linearisation:
     independent_points : float
         Number of independent points, from the correlation of all residuals.
     likelihood_points : float
-        Number N of points in the weights of the residuals (see the module), at first ``independent_points``.
+        Number of points that the likelihood counts; its weights are proportional to this number.
     noise_points : float
         Number of independent points, from the correlation of the noise.
     noise_mm : float
@@ -228,8 +228,8 @@ def independent_points(problem: Problem, misfits: tuple[Misfit, ...]) -> float:
 def linearise(problem: Problem, optimum: Optimum[Evaluation], likelihood_points: float | None = None) -> Linearisation:
     """Return the residuals of a fit (edges, tensile curves, priors) as linear functions of the unknowns.
 
-    ``likelihood_points`` is the number N of points in the weights of the residuals (see the module). By default, it
-    follows from the correlation of the residuals.
+    ``likelihood_points`` is the number of points that the likelihood counts, by default the number of independent
+    points, from the correlation of the residuals.
     """
     evaluation, distance = optimum.evaluation, optimum.distance
     n, misfits = len(optimum.unit), evaluation.comparison.misfits

@@ -77,7 +77,7 @@ class Effect:
 
     @property
     def remaining_share(self) -> float:
-        """Error of the fitted values with the accurate beam model, as a share of their change by this model."""
+        """The error that remains with the accurate beam model, as a share of ``moved``."""
         return self.correction.refinement.remaining_share if self.share is None else self.share
 
 
@@ -90,7 +90,7 @@ class Noise:
     about : Linearisation
         The residuals as linear functions of the unknowns.
     explained : Explained
-        The noise: the residuals of a joint fit of the unknowns and the inputs ``sources``.
+        Joint fit of the unknowns and the inputs ``sources``; its residuals are the noise.
     sources : tuple of ConsideredSources
         The uncertain inputs that only this joint fit determines, and not the fit of the law.
     mean_model_mm : float

@@ -93,7 +93,7 @@ class _End:
         return self.off < _CONVERGED or (on_bound and self.deviance <= self.target)
 
     def advance(self, unit: Array, hessian: Array) -> None:
-        """Replace the estimate of this end by one whose deviance is expected to equal the target."""
+        """Move the estimate of the interval's end to where the deviance should equal ``target``."""
         i = self.coordinate
         # ``hessian`` is the Hessian of half the deviance at the optimum.
         size = abs(self.point[i] - unit[i])

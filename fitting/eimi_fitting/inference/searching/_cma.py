@@ -15,7 +15,7 @@ _UNUSED = frozenset({"matplotlib", "scipy.stats"})
 
 
 class _Absent(MetaPathFinder):
-    """Hide matplotlib and scipy.stats from imports in the thread that creates this object."""
+    """Block slow imports (matplotlib, scipy.stats) in the thread that creates this object."""
 
     def __init__(self) -> None:
         self._thread = threading.get_ident()

@@ -162,7 +162,7 @@ def unloaded_states(experiment: Experiment) -> NDArray[np.intp]:
 
 
 def _shaped(experiment: Experiment, amplitudes: Array) -> Experiment:
-    """Return the experiment with smooth deviations of the amplitudes (mm) added to the stress-free shape."""
+    """Return the experiment with smooth modes with ``amplitudes`` (mm) added to the stress-free shape."""
     specimen = with_modes(experiment.model.specimen, amplitudes[:BENDS].tolist(), amplitudes[BENDS:].tolist())
     return replace(experiment, model=experiment.model.of(specimen))
 

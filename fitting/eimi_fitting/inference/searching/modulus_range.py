@@ -128,7 +128,7 @@ def evaluated(problem: Problem, moduli_Pa: Array, independent_points: float) -> 
 
 
 def _candidates(problem: Problem, moduli_Pa: Array) -> tuple[Unknowns, Array]:
-    """Return the unknowns of a fit with bounds that contain all moduli, and their values for each modulus."""
+    """Return unknowns with bounds that contain all moduli, and the unknowns' values for each modulus."""
     # The parameters beside the modulus are in the middle of their ranges.
     unit = np.full((len(moduli_Pa), problem.unknowns.searched), 0.5)
     span = (float(moduli_Pa.min()), 2 * float(moduli_Pa.max()))
@@ -138,7 +138,7 @@ def _candidates(problem: Problem, moduli_Pa: Array) -> tuple[Unknowns, Array]:
 
 
 def _compliance(problem: Problem) -> float:
-    """Return the shear modulus (Pa) times the largest displacement of a stiff beam, divided by its length."""
+    """Return c (Pa) in u = c L / mu: displacement u of a beam with length L and large shear modulus mu."""
     modulus = _FIRST_PA
     while modulus <= _STIFFEST_PA:
         bent = _bent(problem, modulus)

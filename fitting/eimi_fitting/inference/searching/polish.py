@@ -160,7 +160,7 @@ def _step(here: Evaluation, distance: Array, unit: Array, damping: float) -> Arr
 
 
 def _normal_equations(misfits: Sequence[Misfit], distance: Array) -> tuple[Array, Array]:
-    """Return gradient, (n,), and approximate Hessian, (n, n); distance: width of the differences, (n,)."""
+    """Return gradient and approximate Hessian from finite differences of residuals over ``distance``."""
     n = len(distance)
     gradient, hessian = np.zeros(n), np.zeros((n, n))
     for misfit in misfits:
