@@ -83,7 +83,7 @@ def test_no_choice_is_better_than_the_lower_bound_of_a_plan() -> None:
     same = plan(sources=1, source_score=np.array([[[1.0]], [[2.5]], [[3.0]]]))
     least = 0.3 * min(1.0 / 2.0, 2.5 / 5.0, 3.0 / 3.0) * most / (most + 0.4)
     assert same.least_percent(2) == pytest.approx(100 * NORMAL_95 * np.sqrt(noise + least**2 + 0.02**2), rel=1e-3)
-    with pytest.raises(ValueError, match="needs a law with one unknown, not with 2"):
+    with pytest.raises(ValueError, match="for a law with one unknown only, not with 2"):
         plan(goal=np.ones(2)).least_percent(2)
 
 
