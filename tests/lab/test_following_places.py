@@ -151,6 +151,7 @@ def test_the_line_of_an_earlier_picture_is_free_by_a_quarter_of_the_distance() -
         ([[0.0, 19.9], [0.0, 20.1], [0.0, 19.0], [0.0, 60.0]], [1, 2, 3]),
         ([[0.0, 5.0], [0.0, 20.0]], [1]),
         ([[0.0, 21.0]], [0]),
+        ([[0.0, 20.0], [0.0, 50.0]], [1]),
     ],
 )
 def test_clicks_within_20_px_of_the_clamp_are_left_out(clicks: list[list[float]], left: list[int]) -> None:

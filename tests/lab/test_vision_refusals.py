@@ -36,15 +36,18 @@ from eimi_lab.vision.calibration.exif_lens import FocalLength
 from eimi_lab.vision.calibration.known_width import _clamp_midpoint
 from eimi_lab.vision.calibration.lens import Lens
 from eimi_lab.vision.calibration.plumb_line import measure_plumb_line
+from eimi_lab.vision.check import Check, Severity
 from eimi_lab.vision.edges import suggested_corrections
 from eimi_lab.vision.edges.edge_set import EdgePoints, EdgeSet
 from eimi_lab.vision.edges.silhouette import measure_back_light
 from eimi_lab.vision.field_at_beam import in_stated_field
+from eimi_lab.vision.flags import CHECK_OF, judge
 from eimi_lab.vision.following.follow import FollowedBeam
 from eimi_lab.vision.frame_checks import state_flags
 from eimi_lab.vision.image_sizes import claimed_size
 from eimi_lab.vision.intensity import FieldCorrection
 from eimi_lab.vision.projection import Projection
+from eimi_lab.vision.ruled_picture import _round_step
 from eimi_lab.vision.tracking.beam_curve import curve_through
 from eimi_lab.vision.tracking.beam_tracker import BeamTracker
 from tests.shared.small_pictures import CALIBRATION, SmallPicture, specimen
@@ -73,6 +76,29 @@ def test_a_correction_needs_a_bright_flat_field_of_the_same_shape() -> None:
     with pytest.raises(ValueError, match=r"the image has the shape \(4, 5\)"):
         FieldCorrection(None, np.full((4, 4), 100.0)).apply(np.zeros((4, 5)))
     assert Projection("red", (0.0, 0.0, 1.0)).apply([[1, 2], [3, 4]]).tolist() == [[1.0, 2.0], [3.0, 4.0]]
+
+
+@pytest.mark.parametrize("below", [False, True])
+def test_a_value_at_a_limit_is_within_it(below: bool) -> None:
+    """A value at the limit raises no flag, and a value at the second limit does not make the state unusable."""
+    sign = -1.0 if below else 1.0
+    row = Check(
+        name="A", finding="a", quantity="", limit=2.0 * sign, remedy="", below=below, severity=Severity.DOUBTFUL,
+        unusable_beyond=8.0 * sign, widens=lambda value: 0.5 * value,
+    )  # fmt: skip
+    flags = [row.flag(sign * value) for value in (8.0, 8.001)]
+    assert [flag.severity for flag in flags] == [Severity.DOUBTFUL, Severity.UNUSABLE]
+    assert [flag.widens for flag in flags] == [4.0 * sign, 0.0]
+    assert judge({"blur_px": 2.5, "contrast": CHECK_OF["contrast"].limit}) == ()
+    assert [flag.name for flag in judge({"blur_px": 2.5001})] == ["DEFOCUS"]
+
+
+@pytest.mark.parametrize(
+    ("least", "step"),
+    [(0.2, 1), (1.0, 1), (1.1, 2), (2.1, 5), (5.0, 5), (5.1, 10), (10.1, 20), (53.0, 100), (200.0, 200)],
+)
+def test_the_lines_of_a_ruled_picture_are_at_round_numbers(least: float, step: int) -> None:
+    assert _round_step(least) == step
 
 
 def frames_of(*images: Array, step: int = 1) -> list[Frame]:
