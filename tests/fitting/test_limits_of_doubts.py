@@ -560,3 +560,21 @@ def test_the_weight_of_a_law_follows_its_definition_and_needs_room_for_its_unkno
     assert chosen(9, points=11.9)[0].aicc is None
     assert [one.weight for one in chosen(1, 10)] == [None, None]
     assert chosen() == ()
+
+
+def test_the_axis_of_the_lens_is_that_of_the_view_or_the_middle_of_the_measured_points() -> None:
+    points = np.array([[[[0.0, 2.0], [10.0, 4.0], [99.0, 99.0]], [[6.0, -2.0], [4.0, 0.0], [4.0, 0.0]]]])
+    sigma = np.where(points[..., 0] == 99.0, np.inf, 0.01)
+    edges = EdgeObservation(points, sigma)
+    seen = replace(edges, view=View(centre_mm=np.array([3.0, 1.0]), stand_off_mm=250.0))
+
+    def experiment(observed: Any) -> Any:
+        return SimpleNamespace(observed=observed)
+
+    assert causes_in_pictures._centre(experiment(edges)).tolist() == [5.0, 1.0]
+    assert causes_in_pictures._centre(experiment(seen)).tolist() == [3.0, 1.0]
+    assert causes_in_pictures._stand_off_mm(experiment(seen)) == 250.0
+    assert causes_in_pictures._stand_off_mm(experiment(edges)) == causes_in_pictures._STAND_OFF_MM
+    tracked = PointObservation(points[0], points[0] + 1.0, sigma[0])
+    assert causes_in_pictures._centre(experiment(tracked)).tolist() == [6.0, 2.0]
+    assert causes_in_pictures._stand_off_mm(experiment(tracked)) == causes_in_pictures._STAND_OFF_MM
