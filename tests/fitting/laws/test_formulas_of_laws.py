@@ -191,3 +191,21 @@ def test_coordinates_of_other_laws_share_the_modulus_between_their_parameters():
     found = law.from_coordinates(np.array([[40e3, 0.05, 0.2, 0.3], [10e3, 0.5, 0.0, 0.4]]))
     assert found == pytest.approx(np.array([[2e3, 20e3, 8e3, 12e3], [5e3, 6e3, 0.0, 4e3]]))
     assert law.initial_shear_modulus(found) == pytest.approx([40e3, 10e3])
+
+
+@pytest.mark.parametrize(
+    ("name", "formula"),
+    [
+        ("i1", "mu/2 (I1 - 3)"),
+        ("i2", "mu/2 (I2 - 3)"),
+        ("i1^2", "C (I1 - 3)^2"),
+        ("i1^3", "C (I1 - 3)^3"),
+        ("gent=20", "-mu 20/2 ln(1 - (I1 - 3)/20)"),
+        ("fung=0.2", "mu/(2*0.2) (exp(0.2 (I1 - 3)) - 1)"),
+        ("ogden=-4", "2 mu/(-4)^2 (sum of l^-4 - 3)"),
+    ],
+)
+def test_the_energy_of_a_term_is_written_as_a_formula(name: str, formula: str):
+    assert Term.of(name).formula == formula
+    assert SumOfTerms.of(name, "i1").formula == f"W = {formula} + mu/2 (I1 - 3)"
+    assert Term.of(name).largest_x == (20.0 if name == "gent=20" else np.inf)
