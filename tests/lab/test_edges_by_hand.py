@@ -235,6 +235,32 @@ def test_thin_silicone_beside_the_magnet_gets_a_second_step(
     assert passes.second_pass(np.zeros((4, 4)), first, np.full((4, 2), np.nan), -1.0, 5.0, 40.0, margin) is None
 
 
+@pytest.mark.parametrize(("width_px", "tip_spacing", "half", "margin"), [(60.0, 2.0, 10.0, 8.0), (16.0, 1.0, 6.4, 4.0)])
+def test_the_first_pass_searches_near_the_outline(
+    monkeypatch: pytest.MonkeyPatch, width_px: float, tip_spacing: float, half: float, margin: float
+) -> None:
+    """The edges and the tip are searched between the corners, with at least eight intervals on the tip."""
+    given: dict[str, Any] = {}
+    monkeypatch.setattr(passes, "_locate", lambda *arguments: given.update(arguments=arguments))
+    corners = np.array([[0.0, 0.0], [0.0, 300.0], [width_px, 300.0], [width_px, 0.0]])
+    parts = [np.linspace(a, b, int(np.linalg.norm(b - a)), endpoint=False) for a, b in pairwise(corners)]
+    outline_px = np.vstack([*parts, corners[-1:]])
+    silhouette: Any = SimpleNamespace(outline_px=outline_px, corners=(300, 300 + int(width_px)))
+    passes.first_pass(np.zeros((4, 4)), silhouette, -1.0, 12.0, width_px, SiliconeMargin(0.0, 0.0, 0.0))
+    _, curves, places, outward, across, blur, fewest = given["arguments"]
+    assert (outward, blur, fewest) == ((1.0, 1.0, -1.0), 1.2, 3)
+    assert across[[0, -1]] == pytest.approx([-half, half], abs=0.3)
+    lengths = [300.0 - 2.0 * margin, width_px - 2.0 * margin, 300.0 - 2.0 * margin]
+    assert [curve.length for curve in curves] == pytest.approx(lengths, abs=2.1)
+    assert curves[0].at(np.zeros(1))[0][0] == pytest.approx([0.0, margin], abs=1.1)
+    assert curves[2].at(np.zeros(1))[0][0] == pytest.approx([width_px, margin], abs=1.1)
+    tip, _ = places[1]
+    assert np.diff(tip) == pytest.approx(np.full(len(tip) - 1, tip_spacing), rel=0.15)
+    assert len(places[0][0]) - 1 == places[0][1] * int(curves[0].length / 12.0)
+    silhouette.corners = None
+    assert passes.first_pass(np.zeros((4, 4)), silhouette, -1.0, 12.0, 16.0, SiliconeMargin(0.0, 0.0, 0.0)) is None
+
+
 def test_the_corners_are_where_the_edges_meet_the_clamp_line_and_the_tip() -> None:
     y = np.linspace(4.0, 96.0, 40)
     left, right = (side_of(np.zeros(40), np.ones(40)) for _ in (0, 1))
