@@ -395,3 +395,17 @@ def test_as_many_signals_are_kept_as_stand_out_of_the_noise() -> None:
         assert reduced.shape == (frames, kept)
         assert found @ found.T == pytest.approx(np.eye(kept), abs=1e-9)
         assert reduced == pytest.approx((values - values.mean(axis=0)) @ found.T)
+
+
+@pytest.mark.parametrize(("known", "exact"), [(6, False), (7, True)])
+def test_a_gap_follows_from_the_other_channels_if_enough_values_are_known(known: int, exact: bool) -> None:
+    # Two unknowns, a level and a factor, need more than three times as many known values; with fewer the gap is filled
+    # by straight lines first.
+    swing = 40 * np.sin(np.arange(18.0))
+    whole = np.stack([swing, 3 * swing + 5], axis=1)
+    values = whole.copy()
+    gap = np.setdiff1d(np.arange(18), np.linspace(0, 17, known).round().astype(int))
+    values[gap, 1] = np.nan
+    filled, replaced = channels._filled(values)
+    assert replaced.sum() == 18 - known
+    assert bool(np.allclose(filled, whole, atol=1e-9)) is exact
