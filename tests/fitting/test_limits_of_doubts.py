@@ -36,6 +36,7 @@ from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.measurements import EdgeObservation, PointObservation
 from eimi_fitting.inference.evidence.quantity import NORMAL_95, Quantity
 from eimi_fitting.inference.evidence.sources import StatedSource
+from eimi_fitting.inference.interval.identifiability import Identifiability
 from eimi_fitting.inference.planning.choice_of_law import Candidate, choose
 
 CAUSES = {cause.name: cause for cause in POSSIBLE_CAUSES}
@@ -578,3 +579,8 @@ def test_the_axis_of_the_lens_is_that_of_the_view_or_the_middle_of_the_measured_
     tracked = PointObservation(points[0], points[0] + 1.0, sigma[0])
     assert causes_in_pictures._centre(experiment(tracked)).tolist() == [6.0, 2.0]
     assert causes_in_pictures._stand_off_mm(experiment(tracked)) == causes_in_pictures._STAND_OFF_MM
+
+
+def test_a_result_of_an_earlier_version_has_no_noise_beside_the_residuals() -> None:
+    found = Identifiability("all are determined", (), (), (), 0.02, 3.0, 200, 60.0, ("mu",), ((1.0,),), (), ())
+    assert (found.noise_mm, found.noise_points, found.stated_squares, found.model_mm) == (None, None, 0.0, 0.0)
