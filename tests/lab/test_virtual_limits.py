@@ -89,6 +89,16 @@ def test_the_steps_grow_after_the_motion_and_end_at_the_asked_time() -> None:
     assert beam.time_s == 31.0
 
 
+def test_a_weak_field_moves_the_beam_in_the_same_way_as_a_stronger_one() -> None:
+    """The permitted error of a step is relative to the motion: motions in weak fields are proportional to the field."""
+    swings = []
+    for field_mT in (0.001, 0.1):
+        beam = MovingBeam(BEAM, STIFFNESS, 50e3, None, along_gravity, 0.1)
+        beam.start(0.0, 0.0)
+        swings.append(beam.advance(0.0, lambda _, field_mT=field_mT: field_mT, np.array([0.25, 0.5]))[:, 0] / field_mT)
+    assert swings[0] == pytest.approx(swings[1], abs=0.02 * np.abs(swings[1]).max())
+
+
 def test_no_equilibrium_of_the_rod_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     # A residual of more than 1e-6 of the largest one is no equilibrium.
     beam = MovingBeam(BEAM, STIFFNESS, 50e3, None, along_gravity)
