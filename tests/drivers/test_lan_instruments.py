@@ -103,6 +103,8 @@ def test_a_search_waits_for_slow_instruments_but_not_long(
 
     class Browser:
         def __init__(self, network: Network, kinds: list[str], handlers: list[Callable[..., None]]) -> None:
+            assert isinstance(network, Network)
+            assert sorted(kinds) == sorted([RAW, HISLIP, VXI_11, LXI])
             told.extend(handlers)
 
         def cancel(self) -> None:

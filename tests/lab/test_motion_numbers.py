@@ -88,6 +88,14 @@ def test_the_amplitudes_of_the_modes_are_found_again() -> None:
     assert np.isfinite(modal_amplitudes_mm(motion(places[[0, 2]][:, 1:], rest[1:]), 30.0)).all()
 
 
+def test_the_mean_position_of_a_point_is_that_of_the_frames_in_which_it_is_seen() -> None:
+    rest = np.array([[5.0, 0.0], [10.0, 0.0], [20.0, 0.0], [30.0, 0.0]])
+    places = np.tile(rest, (3, 1, 1))
+    places[..., 1] = 5.0
+    places[1, 0] = NAN
+    np.testing.assert_allclose(modal_amplitudes_mm(motion(places, rest), 30.0), np.zeros((3, 3)), atol=1e-9)
+
+
 def test_the_angle_of_the_tip_is_that_of_the_last_two_points() -> None:
     rest = [[30.0, 1.0], [10.0, 0.0], [20.0, 0.0]]  # the last two are at 20 and 30 mm
     frames = [[[30, 1], [0, 0], [20, 0]], [[20, 11], [0, 0], [20, 1]], [[NAN, 0], [0, 0], [20, 0]]]

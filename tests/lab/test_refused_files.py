@@ -223,6 +223,10 @@ def test_a_dark_frame_is_at_most_half_as_bright_as_the_light() -> None:
     with pytest.raises(InputError, match=r"^--dark: the image has a median of 101 grey levels, but the back-light"):
         dark_and_flat.check_like({"dark": np.full((10, 10), 101, np.uint8)}, frame)
     dark_and_flat.check_like({"flat": np.full((10, 10), 250, np.uint8)}, frame)
+    spotted = np.full((20, 20), 200, np.uint8)
+    spotted[3, 3] = 255  # a single bright pixel is not the light
+    with pytest.raises(InputError, match=r"but the back-light in the frames has 200 grey levels"):
+        dark_and_flat.check_like({"dark": np.full((20, 20), 101, np.uint8)}, spotted)
     for wrong in (np.zeros((10, 11), np.uint8), np.zeros((10, 10), np.uint16)):
         with pytest.raises(InputError, match=r"^--flat: is .*; the frames are .*, and the image should"):
             dark_and_flat.check_like({"flat": wrong}, frame)
