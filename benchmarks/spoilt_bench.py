@@ -19,7 +19,7 @@ from benchmarks.kill_campaign import FILES, HEIGHT, PICTURES, WIDTH
 from eimi_lab.config.protocol import load_protocol
 from tests.shared.processes import WAIT_AT_MOST_S, alive, wait_until
 
-UNIDENTIFIED = "it may not be the supply of the coil"
+UNIDENTIFIED = "it is perhaps not the supply of the coil"
 """Words of a guardian that switched a supply off but could not confirm the identity of the supply.
 
 The guardian is the process that watches a run and switches the coil off if the run fails.

@@ -234,13 +234,13 @@ def _try_once(ward: Ward, was_on: set[bool]) -> tuple[Off | None, str]:
         if unidentified:
             raise SwitchOffFailed(
                 f"{ward.address}: a supply was switched off{measured}, but it did not answer with its identity, so "
-                f"that it may not be the supply of the coil ({unidentified})"
+                f"it is perhaps not the supply of the coil ({unidentified})"
             )
         if not was_on and not _is_known_by_identity(ward):
             observed = "already off" if found_off else "never seen to be on"
             raise SwitchOffFailed(
                 f"{ward.address}: the output of the supply was {observed}{measured}, but the supply has no "
-                "serial number, so that it may not be the supply of the coil"
+                "serial number, so that it is perhaps not the supply of the coil"
             )
         return (replace(off, found_off=found_off) if off else off), remark
     finally:

@@ -157,7 +157,7 @@ def _after(first: Message, receive: Receive) -> Receive:
 
 
 def _without_accept(send: Send) -> Send:
-    """Return a function that sends every message with `send`, except the acceptance of a WebSocket."""
+    """Return a function that sends all messages but the acceptance of a WebSocket, which was sent before."""
 
     async def sent(message: Message) -> None:
         if message["type"] != "websocket.accept":

@@ -47,7 +47,7 @@ class Stopped(BaseException):
         self.number, self.left = number, left
 
     def in_words(self) -> str:
-        """Return the message of this error, or of the first error if this signal came during the end of the program."""
+        """Return the message of this error, or of an earlier signal that the program was already obeying."""
         earlier = self.__context__
         while earlier is not None:
             if isinstance(earlier, Stopped) and earlier.left:

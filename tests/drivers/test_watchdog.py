@@ -1,4 +1,4 @@
-"""The driver starts and verifies the watchdog of a supply: a timer that switches the output off without messages."""
+"""The driver starts and verifies the watchdog of a supply, which switches the output off if no messages arrive."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Beam models change their behaviour exactly at their limits, and their meshes have the expected elements."""
+"""Each threshold of the beam models has the stated value, and their meshes have the expected elements."""
 
 from __future__ import annotations
 

@@ -135,7 +135,7 @@ class CreepingRod:
     def record(self, field_mT: float, seconds: float, times_s: Array, vibrates: bool = True) -> tuple[Array, complex]:
         """Change the field at once; return the motion at m times after the change, (m, n), and the complex rate (1/s).
 
-        The rate of the vibration changes with time; the returned one belongs to a 15 times smaller amplitude.
+        The returned rate is that of a vibration whose amplitude has decreased to a fifteenth.
         vibrates : False for creep alone
         """
         before = self.coordinates

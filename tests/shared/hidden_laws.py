@@ -76,7 +76,7 @@ class Hidden:
         return TensileCurve(STRAIN, stress + rng.normal(0.0, noise * stress.max(), len(STRAIN)))
 
     def bent(self, solid: bool, rng: np.random.Generator) -> Experiment:
-        """Return a simulated experiment with this law times a factor near 1; raise NoEquilibrium if there is none."""
+        """Return a simulated experiment with a planar beam or a solid one; raise NoEquilibrium if there is none."""
         kind = f"type{rng.integers(1, 4)}"
         model, stiffness = beam(kind, solid), 1 + LOT * rng.normal()
         fields = np.linspace(0.0, FIELD_PER_PA * self.modulus_Pa, STATES)

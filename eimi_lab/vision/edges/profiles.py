@@ -290,8 +290,8 @@ def _derivatives(
 ) -> tuple[Array, Array]:
     """Return derivatives of the grey values at m distances on n lines, by all unknowns of the fit.
 
-    First result: by dark value, bright value and offset of a line, shape (n, m, 3). Second: by blur and the widths of
-    the silicone on k sides of a magnet, shape (n, m, 1 + k).
+    First result: by dark value, bright value and offset of a line, shape (n, m, 3). Second: by the unknowns of all
+    lines (``shared``), which are the blur and k widths of silicone over a magnet, shape (n, m, 1 + k).
     """
     blur = float(shared[0])
     rise, bell, z = _blurred_step(u - offset[:, None], blur)

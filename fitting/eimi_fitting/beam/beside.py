@@ -262,7 +262,7 @@ class SolidBeside:
         predicted: Configuration | None,
         tolerance_mm: float,
     ) -> Configuration | None:
-        """Return the solid minus the planar configuration (``lifted``) in one load state; None without a solution.
+        """Return the solid configuration minus the planar one, ``lifted``, in one load state; None without a solution.
 
         predicted: the expected difference, if known.
         """

@@ -170,7 +170,6 @@ class DepthEffect:
     def with_one(self, place: float, difference: Configuration) -> DepthEffect:
         """Return the depth effect interpolated through one more load state.
 
-        place: rotation of the tip in rad if ``by_turn`` (an attribute), else load from 0 to 1. difference: solid minus
-        planar configuration.
+        place: rotation of the tip in rad, or load from 0 to 1. difference: solid minus planar configuration there.
         """
         return DepthEffect((*self.places, place), (*self.differences, difference), self.by_turn, self.base)

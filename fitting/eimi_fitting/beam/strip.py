@@ -172,7 +172,7 @@ class Strip:
         return _rescaled(z, *self._lines_in_depth(s)) if self._depths else z
 
     def straight_z_mm(self, s: Array, z: Array) -> Array:
-        """Return the z coordinates of n points in the straight reference beam, (n,) in mm.
+        """Convert the z coordinates of n points from the real specimen to the straight reference beam, (n,) in mm.
 
         s: arc lengths from the clamp in mm, (n,). z: z coordinates in the specimen at rest, (n,).
         """

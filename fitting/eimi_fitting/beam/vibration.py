@@ -77,7 +77,7 @@ class Vibration:
         shapes: int = 4,
         stiffenings: Sequence[float] = (1.0,),
     ) -> tuple[ReducedMotion, Configuration]:
-        """Return the stiffness and mass matrices of m shapes of motion for B candidate laws, and the equilibria.
+        """Return the stiffness and mass matrices of a beam in m modes, for B candidate laws, and the equilibria.
 
         Parameters
         ----------

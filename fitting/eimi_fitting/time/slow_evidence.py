@@ -63,7 +63,10 @@ class LoadHistory:
 
 
 def _stiffness_of_gravity(beam: RingingBeam, middle_Pa: float) -> float:
-    """Return the stiffness of gravity against a rotation as the modulus (Pa) of an equally stiff weightless beam."""
+    """Return the part of the beam's stiffness that is due to gravity, as a shear modulus in Pa.
+
+    middle_Pa: a shear modulus near the true one.
+    """
     motion, _ = beam.vibration(beam.planar()).about(beam.law, beam.parameters(np.array([middle_Pa])), beam.loads)
     return float(middle_Pa * motion.rest[0, 0, 0] / motion.material[0, 0, 0])
 
@@ -143,7 +146,7 @@ class CreepEvidence:
 
 @dataclass(frozen=True)
 class StaticEvidence:
-    """The shear modulus of an elastic fit to shapes at rest, to which a viscoelastic law is fitted (one residual).
+    """The shear modulus from static shapes of the beam, as one residual in the fit of a viscoelastic law.
 
     Attributes
     ----------

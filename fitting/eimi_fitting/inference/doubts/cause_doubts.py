@@ -82,7 +82,7 @@ def _is_stated(cause: Cause, experiments: Sequence[Experiment]) -> bool:
 
 
 def rivals(causes: Sequence[Cause]) -> tuple[Cause, ...]:
-    """Return at most two alternatives to the first bench error in ``causes``."""
+    """Return at most two errors of the test bench that explain the residuals nearly as well as the most probable."""
     first, *others = causes
     alike = [cause for cause in others if cause.name in first.like]
     either = [

@@ -138,7 +138,7 @@ class Problem:
         return bool(self.unknowns.freed or self.curves or self.priors)
 
     def recorrected(self, evaluation: Evaluation, before: Problem) -> Evaluation:
-        """Return an ``evaluation`` of ``before`` with this problem's corrections, without a simulation."""
+        """Convert an evaluation of the problem ``before``, which has other corrections, to this problem."""
         comparison = evaluation.comparison
         misfits = tuple(
             experiment.recorrected(misfit, earlier)

@@ -157,7 +157,7 @@ def doubtful_loads(problem: Problem, scan: Scan, independent_points: float) -> t
 
 
 def _error_without(alone: Problem, cause: Cause, independent_points: float) -> float:
-    """Return the smallest error (mm) over all moduli for one dataset, after a mistake in its loads is corrected.
+    """Return the smallest error (mm) of a fit of the modulus to one dataset whose loads are corrected.
 
     independent_points: number of points with independent errors.
     """
