@@ -114,6 +114,6 @@ def check_directions(states: Path, loads: Sequence[Load], gravity_angle_deg: flo
         if gravity_angle_deg is None and load.tip_force_N and load.tip_force_angle_deg is None:
             raise InputError(
                 f"{states}: tip_force_N = {load.tip_force_N:g} has no direction, because the direction of gravity is "
-                "not known; add a column tip_force_angle_deg with the angle of the force in degrees, from +x (along the "
-                "straight beam from the clamp) toward +y (across the beam)"
+                "not known; add a column tip_force_angle_deg with the angle of the force in degrees, from +x (along "
+                "the straight beam from the clamp) toward +y (across the beam)"
             )
