@@ -29,13 +29,14 @@ from eimi_fitting.inference.doubts.collinear_causes import classes
 from eimi_fitting.inference.doubts.deviating_inputs import Deviation
 from eimi_fitting.inference.doubts.edge_coefficients import projection
 from eimi_fitting.inference.doubts.marginal_likelihood import weigh
+from eimi_fitting.inference.doubts.possible_causes import Assumed, of_source
 from eimi_fitting.inference.doubts.signatures import About, Column, Solved
 from eimi_fitting.inference.doubts.table_of_causes import POSSIBLE_CAUSES
 from eimi_fitting.inference.doubts.twisted_picture import tip_twist_per_tilt, without_twist
 from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.measurements import EdgeObservation, PointObservation
 from eimi_fitting.inference.evidence.quantity import NORMAL_95, Quantity
-from eimi_fitting.inference.evidence.sources import StatedSource
+from eimi_fitting.inference.evidence.sources import SOURCES, StatedSource
 from eimi_fitting.inference.interval.identifiability import Identifiability
 from eimi_fitting.inference.planning.choice_of_law import Candidate, choose
 
@@ -584,3 +585,14 @@ def test_the_axis_of_the_lens_is_that_of_the_view_or_the_middle_of_the_measured_
 def test_a_result_of_an_earlier_version_has_no_noise_beside_the_residuals() -> None:
     found = Identifiability("all are determined", (), (), (), 0.02, 3.0, 200, 60.0, ("mu",), ((1.0,),), (), ())
     assert (found.noise_mm, found.noise_points, found.stated_squares, found.model_mm) == (None, None, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("source", ["width", "rest-shape", "remanence"])
+def test_a_cause_of_one_source_changes_each_part_of_it_by_its_own_size(source: str) -> None:
+    found = of_source("a name", source, (0.1,), "a ruler", ("coil",))
+    parts = len(SOURCES[source].parts)
+    assert (found.source, found.stated_as, found.unit) == (source, (source, "coil"), SOURCES[source].unit)
+    assert found.change is not None
+    sizes = 0.3 * np.arange(1, parts + 1)
+    changed = found.change(Assumed(None, None, None, None, (("depth", 0, 0.5),)), sizes)  # type: ignore[arg-type]
+    assert changed.deviations == (("depth", 0, 0.5), *((source, i, sizes[i]) for i in range(parts)))
