@@ -379,3 +379,18 @@ def test_an_unknown_input_spans_six_standard_deviations_on_either_side() -> None
     assert Unknowns(search_space(LAWS["neo-hookean"])).setups(unit[:, :1], 2) is None
     assert unknowns.whole(unit[:, :1]) == pytest.approx(np.column_stack([unit[:, 0], 0.5 * np.ones((3, 2))]))
     assert unknowns.modulus_percent(0.01) == pytest.approx(100 * (1e3**0.01 - 1))
+
+
+@pytest.mark.parametrize("unknowns", [1, 3])
+def test_a_run_of_the_search_has_an_idle_second_coordinate_and_stops_at_small_changes(
+    monkeypatch: pytest.MonkeyPatch, unknowns: int
+) -> None:
+    monkeypatch.setattr(search, "CMAEvolutionStrategy", lambda start, step, options: (start, step, options))
+    rng, start = np.random.default_rng(1), np.full(unknowns, 0.3)
+    begin, step, options = search._strategy(rng, start, 0.25, 12, 99)  # type: ignore[misc]
+    assert (begin, step) == ([0.3, 0.5] if unknowns == 1 else [0.3] * 3, 0.25)
+    assert [options[key] for key in ("tolx", "tolfun", "tolfunhist", "tolflatfitness")] == [1e-4, 2e-5, 2e-5, 10]
+    assert (options["bounds"], options["popsize"], options["maxiter"]) == ([0, 1], 12, 99)
+    assert options["CMA_stds"] == [search._MODULUS, *([0.1] if unknowns == 1 else [1.0, 1.0])]
+    expected = np.random.default_rng(1).standard_normal((2, 3))
+    np.testing.assert_array_equal(options["randn"](2, 3), expected)
