@@ -118,7 +118,7 @@ def _stiffness_slopes() -> tuple[Stiffness, np.ndarray]:
 
 
 def stiffness_near(specimen: Specimen) -> Stiffness:
-    """Return the stiffness of the rod that simulates a specimen, from the nominal stiffness and its derivatives."""
+    """Return the stiffness of the rod that simulates a specimen whose sizes differ little from the nominal sizes."""
     nominal, slopes = once("stiffness", _stiffness_slopes)
     change = np.log([getattr(specimen, key) / getattr(BEAM, key) for key in ("width_mm", "depth_mm", "length_mm")])
     length, hinge, softening = change @ slopes

@@ -84,7 +84,8 @@ def check_request(protocol: Protocol, specimen: SpecimenFile, rig: Rig) -> None:
             raise InputError(
                 f"protocol {protocol.name}: {key} goes to {current_A:g} A{at}, but supply.driver = "
                 f"{rig.supply.driver!r} of rig {rig.name} cannot reverse its current; use currents from 0 up, "
-                "both_polarities = true in [current], or a bipolar supply such as kepco-bop"
+                "or a bipolar supply such as kepco-bop, or add both_polarities = true to [current] of the protocol to "
+                "swap the leads of the coil during the run"
             )
     for sensor in rig.sensors:
         strict_A = rig.supply.limits.stricter(protocol.limits).current_A

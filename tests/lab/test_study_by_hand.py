@@ -38,7 +38,7 @@ def fitted(law: str, modulus_kPa: float, source: str = "bending", window: str = 
 def findings(**errors_um: Any) -> Findings:
     """Return the results of a study of one material, with two laws fitted to bending and two fitted to tension.
 
-    errors_um: for each type of specimen, the errors of the four laws in all states (µm), for both beam models.
+    errors_um: for each type of specimen, the errors of the four laws in all states (µm), planar and solid.
     """
     kinds = ("type1", *errors_um)
     bending = [fitted("neo-hookean", 50.0), fitted("yeoh", 54.0)]

@@ -121,7 +121,7 @@ def _steps_of_channels(channels: int) -> NDArray[np.float32]:
 
 
 def brightness_step(colours: NDArray[np.float32]) -> Array:
-    """Return the brightness inside each strip minus the brightness of its surroundings."""
+    """Return, for each possible place of the beam, the brightness inside it minus that of its surroundings."""
     return np.asarray((_STEPS @ colours).mean(axis=(1, 2)), dtype=np.float64)
 
 

@@ -107,7 +107,7 @@ class Discovery:
 
     @property
     def explained(self) -> bool:
-        """Return whether the first and smallest of ``alternatives`` has prediction errors below 1.5 times the noise."""
+        """Return whether the law with the fewest terms has prediction errors below 1.5 times the noise."""
         return self.alternatives[0].held_out_error < _NOISE_ALONE
 
     @property

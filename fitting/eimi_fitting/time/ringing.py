@@ -209,7 +209,7 @@ class RingTable:
         Returns
         -------
         factors : ndarray, shape (3, 2)
-            Squared angular frequencies, fine mesh divided by coarse mesh, of three modes for two moduli (`_RATIOS`).
+            Squared angular frequencies of three modes for two stiffnesses: fine mesh divided by coarse mesh.
         turn_deg : float
             Rotation of the tip: fine mesh minus coarse mesh.
         """

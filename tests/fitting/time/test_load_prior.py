@@ -43,7 +43,7 @@ def test_an_exact_moment_has_no_uncertainty_and_an_unknown_moment_is_free(specim
 
 @dataclass(frozen=True)
 class Normal:
-    """A replacement for measured data: the number ln(modulus / MODULUS_PA) + of_load · ln(factor of the loads).
+    """A measurement of ln(modulus / MODULUS_PA) + of_load · ln(factor of the loads), in place of real data.
 
     mean, sigma : measured value of the number and its standard deviation
     """

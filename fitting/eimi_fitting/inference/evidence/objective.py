@@ -151,7 +151,7 @@ class Problem:
     def nearby(self, independent_points: float) -> Callable[[Array, Evaluation | None], Evaluation]:
         """Return a function that evaluates sets of unknowns (P, n), with start values from an earlier evaluation.
 
-        independent_points: number of points with independent errors, for the weight of curves and priors.
+        independent_points: number of points with independent errors, on which the weight of the edges depends.
         """
         return lambda units, near: self.evaluate(
             units, independent_points, near=near.comparison.near if near else (), keep=True

@@ -304,7 +304,7 @@ def slopes_of(problem: Problem, unit: Array) -> Array:
 
 
 def _mesh(problem: Problem, unit: Array, along: int) -> dict[str, Array]:
-    """Return the standard error of the edges (mm) due to the coarse mesh, (K, 2, m), with the key "mesh"."""
+    """Return the standard error of the edges (mm) due to a mesh of ``along`` elements, with the key "mesh"."""
     mesh_correction = correction(
         FINER_MESH,
         problem.experiments,
