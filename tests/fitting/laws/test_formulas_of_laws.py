@@ -209,3 +209,9 @@ def test_the_energy_of_a_term_is_written_as_a_formula(name: str, formula: str):
     assert Term.of(name).formula == formula
     assert SumOfTerms.of(name, "i1").formula == f"W = {formula} + mu/2 (I1 - 3)"
     assert Term.of(name).largest_x == (20.0 if name == "gent=20" else np.inf)
+
+
+@pytest.mark.parametrize("law", [*LAWS.values(), SumOfTerms.of("i1^2", "i1")], ids=lambda law: law.name)
+def test_the_modulus_of_a_law_is_searched_from_one_kilopascal_to_one_megapascal(law):
+    first = law.coordinates[0]
+    assert (first.lower, first.upper) == (1e3, 1e6)
