@@ -254,7 +254,7 @@ def test_the_reason_of_a_followed_body_is_suggested_last(monkeypatch: pytest.Mon
     findings.clear()
     assert "--along, --region" in suggest(picture, CALIBRATION, specimen(), None).words
     thin = suggest(picture, CALIBRATION, specimen(0.85), None).words
-    assert thin.startswith("the beam is 6 px wide and should be at least 6 px wide")
+    assert thin.startswith("the beam is 5.9 px wide and should be at least 6 px wide")
     cut = CALIBRATION.model_copy(update={"clamp_midpoint_px": (3.0, 10.0)})
     assert "an edge of the beam begins outside the picture" in suggest(picture, cut, specimen(), None).words
     x = np.linspace(0.0, 11.0, 9)

@@ -90,8 +90,8 @@ def suggest_correction(
     wide_px = specimen.specimen.width_mm * calibration.pixels_per_mm
     if wide_px < NARROWEST_PX:
         return SuggestedCorrection(
-            f"the beam is {wide_px:.2g} px wide and should be at least {NARROWEST_PX:g} px wide: move the camera "
-            "nearer, or use a longer lens;"
+            f"the beam is {math.floor(10 * wide_px) / 10:g} px wide and should be at least {NARROWEST_PX:g} px wide: "
+            "move the camera nearer, or use a longer lens;"
         )
     if reason := _reason_of(followed):
         return SuggestedCorrection(reason)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -153,7 +154,7 @@ def _in_working(picture: WorkingPicture, places_px: Array | None) -> Array | Non
 
 
 def _words(beam: StatedBeam) -> dict[str, str]:
-    return {"narrow_px": f"{beam.width_px:.2g}", "clicks_off": ""}
+    return {"narrow_px": f"{math.floor(10 * beam.width_px) / 10:g}", "clicks_off": ""}
 
 
 def _findings(
