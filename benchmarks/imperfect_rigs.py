@@ -214,7 +214,7 @@ def bent(imperfection: Imperfection, field_mT: Array, planar: bool = False) -> t
 
 
 def stated_specimen(planar: bool) -> Specimen:
-    """Return the specimen of the file, in plane stress if `planar` is true, else as a solid."""
+    """Return the example specimen "bench_example", in plane stress if `planar` is true, else as a solid."""
     specimen = STATED.mechanics()
     return replace(specimen, section="plane-stress") if planar else specimen
 

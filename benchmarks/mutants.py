@@ -113,7 +113,7 @@ class Mutant:
     def room_tests(self, project: Path) -> list[str]:
         """Return the test files to run after ``tests`` for a mistake that was generated at random, else an empty list.
 
-        These test files import ``self.file``, or ``room_tests.toml`` lists them for its folder.
+        These are the files that import ``self.file``, and the files that ``room_tests.toml`` lists for its folder.
         """
         if not self.is_generated:
             return []
@@ -124,14 +124,17 @@ class Mutant:
 
     @property
     def key(self) -> str:
-        """Return an identifier of the mistake: a hash of file and fragments, and of ``tests`` unless it is random."""
+        """Return an identifier of the mistake: a hash of ``file``, ``right`` and ``wrong``.
+
+        For a mistake from a list, the hash also includes ``tests``.
+        """
         tests = () if self.is_generated else self.tests
         return sha256("\0".join((self.file, self.right, self.wrong, *tests)).encode()).hexdigest()[:16]
 
     def applied(self, text: str) -> str:
-        """Return the text of the source file with the mistake.
+        """Return the text of the source file with the mistake: ``wrong`` replaces ``right``.
 
-        Raises ValueError unless the right fragment occurs exactly once.
+        Raises ValueError unless ``right`` occurs exactly once.
         """
         if text.count(self.right) != 1:
             raise ValueError(f"{self.room}: {self.says}: {self.file} has {self.right!r} {text.count(self.right)} times")
@@ -176,7 +179,10 @@ def tried(mutant: Mutant, copy: Path) -> tuple[str, str]:
 
 
 def _tried_without(left_out: Sequence[str], mutant: Mutant, copy: Path) -> tuple[str, str]:
-    """Do the same as `tried`, without the tests that ``left_out`` (options of pytest) deselects."""
+    """Put a mistake into a copy of the project, run its tests without some of them, and restore the copy.
+
+    Return "caught", "survived" or "broken", and a line of the output. left_out: options of pytest that deselect tests.
+    """
     file = copy / mutant.file
     right, stat = file.read_bytes(), file.stat()
     file.write_text(mutant.applied(right.decode("utf-8")), encoding="utf-8")

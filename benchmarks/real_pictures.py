@@ -78,9 +78,10 @@ class _Scatter:
 
 
 def by_chance(points_px: Array, draws: int, rng: np.random.Generator) -> tuple[float, float, float]:
-    """Return how far chance alone can change the ratio of the stated to the observed deviation of an edge.
+    """Return how far chance alone changes the ratio of stated to observed standard deviation of an edge's points.
 
-    Edges with the scatter and the correlation of the given edge are simulated.
+    Edges with the scatter and the correlation of the given edge are simulated. Their true standard deviation is that
+    of the given edge; the observed one is that of the simulated points.
 
     Parameters
     ----------

@@ -100,8 +100,8 @@ def drawn_material(rng: np.random.Generator) -> tuple[float, Prony]:
 def _stiffness_slopes() -> tuple[Stiffness, np.ndarray]:
     """Return the stiffness (three values) of the rod that simulates the beam, and its derivatives, (3, 3).
 
-    Rows: derivatives by ln(width), ln(depth), ln(length) of the beam. Columns: those of ln(length of the rod),
-    ln(stiffness of its hinge at the magnet), loss of bending stiffness per squared curvature (m²).
+    Rows: derivatives by ln(width), ln(depth), ln(length) of the beam. Columns: the three values, which are ln(length
+    of the rod), ln(stiffness of its hinge at the magnet), loss of bending stiffness per squared curvature (m²).
     """
 
     def rod(specimen: Specimen) -> Stiffness:

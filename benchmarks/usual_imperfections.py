@@ -86,9 +86,10 @@ def kind(case: Case) -> tuple[str, float]:
 
 
 def mean_ends(full: Sequence[Outcome]) -> Ends:
-    """Return the mean 95 % interval of the fits `full`, as ln(lower end / modulus) and ln(upper end / modulus).
+    """Return the mean 95 % interval of fits, as ln(lower end / modulus) and ln(upper end / modulus).
 
-    The mean is taken for each beam (dimensions as text) and noise (mm), which are the keys of the result.
+    full: fits as by `eimi fit`, not quick ones. The result has one mean for each beam (dimensions as text) and noise
+    (mm).
     """
     groups: dict[tuple[str, float], list[Array]] = {}
     for o in full:

@@ -97,7 +97,7 @@ class BandAssembly:
         return indices
 
     def divided(self, element_matrices: Array) -> Iterator[Array]:
-        """Divide the d x d matrices of E elements for B candidate laws, (E, B, d, d), into groups of elements."""
+        """Divide the matrices of E elements, (E, B, d, d), into the groups that `matrix` adds one after another."""
         return (element_matrices[part] for part in self.parts)
 
     def matrix(self, parts: Iterable[Array]) -> Array:
@@ -119,7 +119,10 @@ class BandAssembly:
         return band.reshape(-1, self.n, self.bandwidth + 1)
 
     def vector(self, element_vectors: Array) -> Array:
-        """Return the sum of the vectors of E elements with d unknowns each, (E, B, d), for the whole mesh, (B, n)."""
+        """Add the vectors of E elements, (E, B, d), to one vector of the mesh for each of B candidate laws, (B, n).
+
+        Each element has d unknowns, and the mesh has n.
+        """
         elements, batch, d = element_vectors.shape
         total = self._sum @ element_vectors.transpose(0, 2, 1).reshape(elements * d, batch)
         return np.ascontiguousarray(total.T)

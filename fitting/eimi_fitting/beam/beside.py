@@ -109,7 +109,7 @@ class SolidBeside:
         return SolidBeside(specimen, self.planar.along, self.planar.across, self.solid.more)
 
     def has_mesh_of(self, model: BeamModel) -> bool:
-        """Return whether a planar model has the mesh and the specimen of this object, apart from ``section``."""
+        """Return whether a planar model has this object's mesh and specimen; the entry ``section`` may differ."""
         planar = self.planar
         same_lines = (planar.along, planar.across, planar.plane) == (model.along, model.across, model.plane)
         return same_lines and replace(planar.specimen, section=model.specimen.section) == model.specimen
@@ -213,8 +213,9 @@ class SolidBeside:
     ) -> DepthEffect | None:
         """Return the depth effect (solid minus planar shapes) of a candidate law, interpolated between load states.
 
-        None if the load vectors are not on a straight line, or if the solid model is not solved in a needed load state.
-        lift: displacements of the planar model at the nodes of the solid mesh. flat: the planar shapes.
+        None if the loads (as vectors of all components of load) do not lie on a straight line, or if the solid model is
+        not solved in a needed load state. lift: displacements of the planar model at the nodes of the solid mesh.
+        flat: the planar shapes.
         """
         along = _along_ray(loads)
         if along is None:

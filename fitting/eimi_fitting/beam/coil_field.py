@@ -152,7 +152,7 @@ class CoilShape:
     curvature_per_m2: float = 0.0
 
     def ratio(self, points_mm: Array, rest_mm: Array) -> tuple[Complex, Complex, Complex]:
-        """Return the complex ratio q of the field at B points to the field at a reference point, and its derivatives.
+        """Return the field (x + i y component) at B points divided by that at a reference point, and its derivatives.
 
         Parameters
         ----------

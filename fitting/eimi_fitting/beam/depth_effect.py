@@ -129,12 +129,12 @@ class DepthEffect:
 
     @property
     def places_of_base(self) -> tuple[float, ...]:
-        """The rotation 0 if the depth effect there is taken as that of a similar law (``base``), else no rotation."""
+        """The tuple (0.0,) if the depth effect at rotation 0 is that of a similar law (``base``), else an empty one."""
         return (0.0,) if self.base and self.by_turn else ()
 
     @cached_property
     def without_base(self) -> DepthEffect:
-        """The same depth effect as a single polynomial, which includes the depth effect of a similar law (``base``)."""
+        """The same depth effect (solid minus planar shapes) as one polynomial, which includes that of a similar law."""
         if self.base is None or not self.places:
             return self.base or self
         scale = self.places[0] / self.base.places[0] if self.by_turn else 1.0
@@ -142,8 +142,9 @@ class DepthEffect:
         return DepthEffect(places, tuple(self.at(place) for place in places), self.by_turn)
 
     def covers(self, places: Array) -> bool:
-        """Return whether K load states are at most 10 % outside the range of the load states of `without_base`.
+        """Return whether all of K load states are at most 10 % outside the range in which the depth effect is known.
 
+        It is the range of a similar law (``base``), scaled to this law, or without ``base`` that of the solved states.
         places: rotation of the tip in rad if ``by_turn`` (an attribute), else load from 0 to 1, in each state, (K,).
         """
         return bool(self.without_base.reaches(places).all())
@@ -158,7 +159,7 @@ class DepthEffect:
         return np.asarray((min(solved) - beyond <= places) & (places <= max(solved) + beyond))
 
     def thinned(self, most: int) -> DepthEffect:
-        """Return the depth effect interpolated through at most ``most`` of the solved load states."""
+        """Return the depth effect (solid minus planar shapes) interpolated between ``most`` or fewer solved states."""
         chosen = [int(np.argmax(np.abs(self.places)))]
         places = np.array(self.places)
         while len(chosen) < min(most, len(places)):

@@ -57,7 +57,7 @@ class SolidLoads:
         Load on the rigid magnet in N, N mm and N mm. For the translation U and the matrix R of the rotation theta, its
         potential is -force . U - tensor : R - moment theta.
     pressure : ndarray, shape (B,)
-        Pressure on the face in N/mm².
+        Pressure on the specimen's ``pressure_face`` in N/mm².
     in_coil : DipoleInField or None
         The magnet in the non-uniform field of a coil.
     silicone_in_coil : SiliconeInField or None

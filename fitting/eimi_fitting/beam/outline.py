@@ -146,9 +146,10 @@ def _at_normals(lines: Array, middle: Array, normal: Array) -> Array:
 
 
 def _farthest(lines: Array, normal: Array) -> Array:
-    """Return the point (x, y) of a face of the beam that lies farthest outward, at each of n stations, (..., n, 2).
+    """Return the outermost point (x, y) of each of n curves on a face of the beam, (..., n, 2).
 
-    lines: D quadratic segments across the face, (..., n, 2 D + 1, 2). normal: outward unit vectors, (..., n, 2).
+    lines: the curves as D quadratic segments through the depth of the beam, projected to x and y, (..., n, 2 D + 1, 2).
+    normal: outward unit vectors, (..., n, 2).
     """
     first, middle, last = lines[..., 0:-1:2, :], lines[..., 1::2, :], lines[..., 2::2, :]  # (..., n, D, 2)
     slope, bend = 0.5 * (last - first), first - 2 * middle + last

@@ -51,9 +51,10 @@ class RigidBody:
         displacement[:, self.nodes, 1] = rigid[:, 1:2] + s * x + (c - 1) * y
 
     def matrix(self, rigid: Array) -> Array:
-        """Return the derivatives of the u displacements of H elements by the motion of the magnet, (H, B, u, 3).
+        """Return the derivatives of element displacements by the motion of the magnet, (H, B, u, 3).
 
-        rigid: translation (x, y) in mm and rotation in rad for B candidate laws, (B, 3).
+        Each of the H elements at the magnet has u displacements. rigid: translation (x, y) in mm and rotation in rad
+        for B candidate laws, (B, 3).
         """
         c, s = np.cos(rigid[:, 2])[:, None], np.sin(rigid[:, 2])[:, None]
         tie = np.empty((len(self.elements), len(rigid), self._translation.shape[2], 3))

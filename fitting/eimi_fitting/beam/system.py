@@ -98,14 +98,15 @@ class System:
         Parameters
         ----------
         stiffness : ndarray, shape (E, B, d, d), or iterable of ndarrays
-            The matrices of E elements with d unknowns each, all together or in groups of ``at_once`` elements.
+            The matrices of E elements with d unknowns each, all together or in the groups of `BandAssembly`.
         force : ndarray, shape (E, B, d)
             Forces of the elements.
         right : ndarray, shape (B, n) or (1, n)
             Right-hand side for the n unknowns of the nodes.
         body : tuple of three ndarrays, or None
-            For the motion of the rigid magnet (three unknowns): derivatives of the unknowns of the H elements that
-            touch the magnet by this motion, (H, B, d, 3); stiffness, (B, 3, 3); loads, (B, 3) or (1, 3).
+            Three arrays for the rigid magnet, whose motion has three unknowns: the derivatives, by this motion, of the
+            unknowns of the H elements at the magnet, (H, B, d, 3); the stiffness of the magnet, (B, 3, 3); the loads
+            on the magnet, (B, 3) or (1, 3).
         sound : ndarray of bool, shape (B,)
             True for the candidates that are solved.
         symmetric : bool

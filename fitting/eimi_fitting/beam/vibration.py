@@ -284,12 +284,13 @@ def _quadratic(local: Array, matrices: Array) -> Array:
 def _tangents(
     solid: Solid, batch: Any, loads: SolidLoads, now: Configuration
 ) -> tuple[Array, Array, Array | None, Array]:
-    """Return the stiffness against small motions about an equilibrium, separately for law, loads and rigid magnet.
+    """Return the parts of the stiffness against small motions about an equilibrium, for B candidate laws.
 
     Returns
     -------
     material, rest : ndarray, shapes (E, B, u, u)
-        The stiffness due to the tangent of the law, and that due to stresses and loads, for E elements.
+        The stiffness due to the tangent of the law, and that due to stresses and loads, for E elements with u
+        displacements each.
     tie : ndarray, shape (H, B, u, 3), or None
         Derivatives of the displacements of the H elements at the magnet by its motion.
     body_rest : ndarray, shape (B, 3, 3)
