@@ -249,9 +249,10 @@ def _try_once(ward: Ward, was_on: set[bool]) -> tuple[Off | None, str]:
 
 
 def _compare(ward: Ward, supply: PowerSupply) -> str:
-    """Return why the supply did not give its identity, in words; empty if its identity is right or was never sent.
+    """Return the error with which the supply failed to identify itself, in words; empty if its identity is right.
 
-    Raises AnotherSupply if the supply gave another identity.
+    The result is also empty if the run never sent an identity to the guardian. Raises AnotherSupply if the supply
+    gave another identity.
     """
     if ward.identity is None:
         return ""

@@ -89,7 +89,8 @@ class PlayedCamera:
 def describe_recording_length(protocol: Protocol, rig: Rig) -> str:
     """Return a sentence that compares the number of pictures in a recording with the number of pictures for a run.
 
-    The sentence is empty if the rig file names another camera. Raises InputError if the recording is too short.
+    The sentence is empty if the rig does not use a recording in place of a camera. Raises InputError if the
+    recording is too short.
     """
     available = recording_length(str(rig.camera.source)) if rig.camera.driver == PLAYER else None
     if available is None:

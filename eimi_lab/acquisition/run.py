@@ -256,7 +256,7 @@ def acquire(
 
 @dataclass
 class _Ending:
-    """The data for the last event of a run: dataset, numbers of states (load steps), and how the coil was found off.
+    """The data at the end of a run: dataset, numbers of states (load steps), and the event that the coil is off.
 
     The fields `path` and `stored` are used only until the dataset is open.
     """

@@ -155,7 +155,7 @@ class Calibration(Document):
     def positive_field_deg(self) -> float:
         """Direction of the field of a positive current in the picture, in degrees clockwise from +x.
 
-        Without a coil, the direction is at 90° to the beam.
+        Without `field_angle_deg`, the direction is 90° counter-clockwise from the beam axis.
         """
         return self.axis_angle_deg - 90.0 if self.field_angle_deg is None else self.field_angle_deg
 

@@ -23,7 +23,7 @@ class SizeAlong(float):
     rows: Rows
 
     def __new__(cls, rows: Rows) -> SizeAlong:
-        """Create the number: the mean width or depth along the beam, mm."""
+        """Create the width or depth from its rows; as a number, it is the mean along the beam, mm."""
         along, sizes = np.array(rows).T
         size = super().__new__(cls, np.trapezoid(sizes, along) / (along[-1] - along[0]))
         size.rows = rows

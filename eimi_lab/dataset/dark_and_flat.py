@@ -75,7 +75,9 @@ def check_like(images: Images, frame: NDArray[Any]) -> None:
 
 
 def store_correction(path: str | Path, images: Images) -> None:
-    """Store a dark frame (taken without light) and a flat field (back-light without the beam), and remove the edges.
+    """Store a dark frame (taken without light) and a flat field (back-light without the beam) in a dataset.
+
+    The edges of the beam are removed from the dataset, because the correction changes the frames.
 
     Raises
     ------

@@ -89,7 +89,7 @@ def fit_grid(
     report: Callable[[str], None] = silent,
     underway: Callable[[str], None] = silent,
 ) -> list[FitRecord]:
-    """Compute the fits, and return those to the measured data, in the order of the tasks.
+    """Compute the fits, and return a record for each fit of measured data, in the order of the tasks.
 
     Parameters
     ----------

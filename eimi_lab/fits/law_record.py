@@ -1,4 +1,4 @@
-"""The part of a result file that fits to bending, to tension and to ring-downs (free vibrations) have in common."""
+"""The fields of a result file that every fit has, whether to bending, to tension or to ring-downs (free vibrations)."""
 
 from __future__ import annotations
 

@@ -105,7 +105,7 @@ def _at_stations(points: Array) -> Array:
 def _crossing(points: Array, middle: Array, normal: Array) -> Array:
     """Return the signed distance of an edge from m points, along the unit normals at these points, shape (m,).
 
-    x and y of the edge are `points`, of the m points `middle`, and of the unit normals `normal`, in the last axis.
+    `points` are points of the edge, `middle` the m points, and `normal` the unit normals. The last axis is x and y.
     """
     tangent = np.stack([normal[:, 1], -normal[:, 0]], axis=1)
     arms = points[None] - middle[:, None]

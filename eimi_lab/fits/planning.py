@@ -85,7 +85,7 @@ class PlannedRun:
     mounting : Mounting
         Specimen, gravity and tip weight.
     currents_A : tuple of float
-        Currents of the chosen states; only the positive ones if both signs are used.
+        Currents of the chosen states. If the run has both signs, only the positive currents are listed.
     expected, spaced : float
         Expected half-width (%) of the 95 % interval, or expected difference of AIC between two laws: for the chosen
         states, and for equally spaced states.

@@ -141,10 +141,10 @@ def _datasets(fit: FitRecord | TensileRecord | RingDownRecord) -> tuple[DatasetR
 def _shared_deviations(
     fit: FitRecord | TensileRecord | RingDownRecord, stated: StatedSource, part: int, draws: int
 ) -> Array | None:
-    """Return the errors of an input in the D samples of a fit, in standard uncertainties, shape (D,).
+    """Return the errors of an input in the D random samples of a fit, in standard uncertainties, shape (D,).
 
-    Fit and dataset share this error if, for example, both used the same coil; otherwise, the result is None. `part` is
-    the index among the numbers of the input, such as x and y.
+    `stated` is the input of the predicted dataset. The result is None unless the fit used the same object, such as the
+    same coil. `part` is the index among the numbers of the input, such as x and y.
     """
     by_dataset = [reference.stated for reference in _datasets(fit)]
     for group in sources_shared(stated.source, by_dataset):

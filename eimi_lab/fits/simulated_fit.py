@@ -99,7 +99,7 @@ def simulate_each(evidence: Evidence, laws: Sequence[Law]) -> Iterator[Predictio
     Yields
     ------
     Prediction or None
-        Simulation of each fit; None if `simulate_alone` has to simulate the fit.
+        Simulation of each fit; None if interpolation between a few solved states fails (then use `simulate_alone`).
 
     Raises
     ------

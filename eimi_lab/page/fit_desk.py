@@ -1,4 +1,4 @@
-"""The web addresses of the page that fit a dataset: the commands `eimi fit` and `eimi report` run in turn."""
+"""The web addresses with which the page fits a dataset: the server runs `eimi fit`, and then `eimi report`."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ class Descriptors:
 
     @classmethod
     def of(cls, names: str) -> Descriptors:
-        """Return the three file descriptors from a command-line argument that separates their names by commas."""
+        """Return `memory`, `bell` and `events` from a command-line argument: three numbers, separated by commas."""
         return cls(*map(received, names.split(",")))
 
 
@@ -70,7 +70,7 @@ class Watched:
 
 @contextmanager
 def watched(page: Descriptors | None, bench: Bench, rig: Rig, on_event: OnEvent) -> Iterator[Watched]:
-    """Connect a run to the live web page, and yield the instruments and functions with which a person watches the run.
+    """Connect a run to the live web page, and yield arguments for `acquire` with which a person can watch and pause it.
 
     Parameters
     ----------

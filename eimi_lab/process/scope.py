@@ -21,7 +21,7 @@ def move_to_own_scope(name: str, description: str) -> bool:
     """Move this process into a new scope of systemd, so that the process outlives the program that started it.
 
     A scope is a group of processes that systemd, the service manager of Linux, ends together. The process is not moved
-    if the user has no systemd, or if the logout of the user would end the scope, but does not end the process now.
+    if the user has no systemd, or if the process would end earlier in a scope: at the logout of the user.
 
     Parameters
     ----------

@@ -67,7 +67,7 @@ class Mode:
     slope: Callable[[Array], Array]
 
     def at_stretch(self, stretch: float) -> float:
-        """Return the strain of the mode of deformation at which the largest principal stretch is `stretch`."""
+        """Return the strain of a deformation of this mode whose largest principal stretch is `stretch`."""
         return stretch - 1 / stretch if self.strain == "shear" else stretch - 1
 
     def stress_Pa(self, law: Law, parameters: Array, strain: Array) -> Array:

@@ -30,8 +30,9 @@ def errors_of(routes: Sequence[Route], experiment: Experiment) -> list[dict[str,
     Returns
     -------
     list of dict
-        For each law: `error_mm` and `deviation_mm` in each state, and `edges_mm` in the last state, with the axes left
-        and right edge, point, x and y. None if the beam has no equilibrium.
+        For each law: `error_mm` and `deviation_mm` (root mean square and standard deviation of the distances of the
+        measured points from the simulated edges) in each state, and the simulated `edges_mm` in the last state, with
+        the axes left and right edge, point, x and y. None if the beam has no equilibrium.
     """
     stored: list[dict[str, Any]] = []
     depth: tuple[Correction, ...] = ()

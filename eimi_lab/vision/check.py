@@ -49,14 +49,14 @@ class Flag:
     widens_in: str = "px"
 
     def widens_mm(self, pixels_per_mm: float, width_mm: float, depth_mm: float) -> float:
-        """Return `widens` (standard deviation that is added to the edge points) in mm.
+        """Return `widens`, an additional standard deviation of the positions of the edge points, in mm.
 
         Parameters
         ----------
         pixels_per_mm : float
             Scale of the calibration.
         width_mm, depth_mm : float
-            Width and depth of the specimen.
+            Width and depth of the specimen; `widens` may be a multiple of one of them.
         """
         return (
             self.widens * {"px": 1.0 / pixels_per_mm, "mm": 1.0, "width": width_mm, "depth": depth_mm}[self.widens_in]

@@ -216,7 +216,10 @@ def _is_in_doubt(image: ArrayLike, search: BackLitSearch, lit_beam: bool) -> boo
 
 
 def _followed_edges(followed: FollowedBeam, frame: BeamFrame, limits: Mapping[str, float] | None) -> _Edges | None:
-    """Return the edges of a beam that was followed from its clamp (with NaN corners); None if they are unusable."""
+    """Return the edges of a beam that was followed from its clamp; None if they are unusable.
+
+    The third array is for the corners of the beam, which are not searched here; it is NaN.
+    """
     if followed.edges is None or leaves_out(judge(followed.findings, limits, followed.words)):
         return None
     left, right = (_points(side, frame) for side in followed.edges)

@@ -1,4 +1,4 @@
-"""Find both edges in the straightened picture of the beam, each edge in a weighted sum of the colours of its own."""
+"""Find both edges in the straightened picture of the beam; each edge has its own weighted sum of the colours."""
 
 from __future__ import annotations
 
@@ -55,8 +55,8 @@ def find_colour_seams(
     noise : float
         Standard deviation of the noise, grey levels (0 to 255).
     tolerances : iterable of float
-        Standard deviations about the expected position in the first search, and about the previous result in each
-        further search, in widths of the beam; an edge far away needs a larger change of colour.
+        For each search, the standard deviation about the expected position (in the first search) or about the previous
+        result, in widths of the beam; an edge far away needs a larger change of colour.
     shadowless : bool
         Whether to use only weighted sums of the colours in which a shadow is invisible.
     """

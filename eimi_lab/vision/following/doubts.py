@@ -45,7 +45,10 @@ def shadow_px(sides: Sides, width_px: float) -> float:
 
 
 def reflection_share(unrolled: UnrolledPicture, sides: Sides) -> float:
-    """Return the part (0 to 1) of an edge's length on which a lamp is reflected, the larger for both edges."""
+    """Return the part (0 to 1) of an edge's length on which a lamp is reflected.
+
+    Of the values for the two edges, the result is the larger.
+    """
     clipped = (unrolled.colours >= CLIPPED).mean(axis=2) > 0.5
     middle_clipped = (clipped & (np.abs(unrolled.across - sides.edge.mean(axis=0)[:, None]) <= _AMID)).any(axis=1)
     shares = []
@@ -58,7 +61,10 @@ def reflection_share(unrolled: UnrolledPicture, sides: Sides) -> float:
 
 
 def clipped_share(unrolled: UnrolledPicture, sides: Sides) -> float:
-    """Return the part (0 to 1) of an edge's length beside which a colour is saturated, the larger for both edges."""
+    """Return the part (0 to 1) of an edge's length beside which a colour is saturated.
+
+    Of the values for the two edges, the result is the larger.
+    """
     full = (unrolled.colours >= _FULL).any(axis=2)
     shares = []
     for edge, outward, sound in zip(sides.edge, OUTWARD, sides.sound, strict=True):

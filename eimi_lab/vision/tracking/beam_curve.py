@@ -65,7 +65,7 @@ class BeamCurve:
         weight : ndarray, shape (p,)
             Weight of each point.
         usual : BeamCurve, optional
-            Curve toward which the ends are drawn; by default the ends keep their direction.
+            Curve toward which the ends are pulled; by default the ends keep their direction.
         """
         nodes, _ = self._integrated
         direction = _OF_NODES @ self.coefficients

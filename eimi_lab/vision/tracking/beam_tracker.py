@@ -216,7 +216,8 @@ class BeamTracker:
     ) -> tuple[SeenBeam, BeamCurve]:
         """Return the edges of the beam near an approximate centre line, and a corrected centre line.
 
-        `smear_px`: motion of the beam since the last frame. `usual`: curve toward which the ends of the line are drawn.
+        `smear_px`: motion of the beam since the last frame. `usual`: centre line of the first frame, toward which the
+        ends of the new line are pulled.
         """
 
         def through(curve: BeamCurve, offset: Array, is_usable: NDArray[np.bool_]) -> BeamCurve:
