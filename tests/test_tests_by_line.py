@@ -15,7 +15,7 @@ from benchmarks.tests_by_line import TestsByLine, files_that_import, record
 
 @pytest.fixture
 def code(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
-    """The only file of code of a small project, whose test runs are replaced by prepared records.
+    """The only file of code of a small project; prepared records of executed lines replace its test runs.
 
     The test file `test_2_3.py` executes the lines 2 and 3.
     """
@@ -59,7 +59,7 @@ def test_a_new_map_replaces_the_old_one(code: Path) -> None:
 
 
 def test_a_file_that_is_skipped_as_a_whole_is_no_test(tmp_path: Path) -> None:
-    """pytest reports a skipped file as a case with the name of the module, which it cannot run by this name."""
+    """pytest reports a skipped file as a test with the name of the module; no test of this name can be run."""
     report = tmp_path / "report.xml"
     report.write_text(
         '<testsuites><testsuite><testcase file="tests/lab/test_a.py" name="tests.lab.test_a" time="0.0"/>'

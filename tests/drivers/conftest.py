@@ -30,7 +30,7 @@ def links(quick: tuple[str, ...]) -> list[object]:
 
 
 def served(link: str) -> Callable[[Responder], AbstractContextManager[str]] | None:
-    """Return a function that serves an emulated supply for a link and yields its address; None without a port."""
+    """Return a function that serves an emulated supply and yields its address; None for a link "... in process"."""
     driver, _, where = link.partition(" ")
 
     @contextmanager

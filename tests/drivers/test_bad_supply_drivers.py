@@ -34,7 +34,7 @@ class LeavesTheSetPoint(Scpi):
 
 
 class ClosesByTheOutput(Scpi):
-    """A faulty supply driver, whose `close` switches the output off."""
+    """A faulty supply driver: its `close` switches the output off, but must leave it unchanged."""
 
     def close(self) -> None:
         self._send_output(False)

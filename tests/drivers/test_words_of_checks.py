@@ -100,7 +100,7 @@ def complains_while(on: bool) -> Callable[..., None]:
 
 
 def quietly(*errors: type[Exception]) -> Callable[[str], Callable[..., Any]]:
-    """Return a function from a name to a faulty method, which hides exceptions of the classes `errors`."""
+    """Return a function that makes a faulty copy of the `Scpi` method with a given name: the copy hides `errors`."""
 
     def member(name: str) -> Callable[..., Any]:
         def act(self: Any, *arguments: Any) -> Any:

@@ -381,7 +381,7 @@ def noted(notes: list[Any], note: Any, result: Any) -> Any:
 
 
 def linear_rest(monkeypatch: pytest.MonkeyPatch, slopes: np.ndarray, offsets: np.ndarray) -> list[int]:
-    """Make the residuals of the unloaded beam linear in the deviations of its shape and of the picture."""
+    """Make the residuals of the unloaded beam linear in its shape, and in turn and shift of the picture."""
     calls: list[int] = []
 
     def residuals(amplitudes: np.ndarray, modulus_Pa: float, pictures: Any) -> list[np.ndarray]:

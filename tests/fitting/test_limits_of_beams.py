@@ -109,7 +109,7 @@ def test_states_that_are_too_close_to_each_other_do_not_swing_an_extrapolation()
 
 
 class Steps:
-    """A replacement for a solid that records its loads and answers with given outcomes."""
+    """Replaces a solid beam model: it records each load, and returns `outcomes` in turn (status, iterations)."""
 
     def __init__(self, *outcomes: tuple[Status, int]) -> None:
         self.outcomes, self.asked = list(outcomes), list[tuple[float, float, int | None, bool]]()

@@ -106,7 +106,7 @@ def seen(view: View | None = None) -> Experiment:
 
 
 def moved(name: str, *amplitudes: float, view: View | None = None) -> np.ndarray:
-    """Return the displacements (mm) of the measured points that a possible cause of residuals explains."""
+    """Return how far (mm) the cause `name` of residuals, with these amplitudes, moves the measured points."""
     assumed: Any = SimpleNamespace(experiment=seen(view))
     change = CAUSES[name].change
     assert change is not None

@@ -121,8 +121,8 @@ def bulk_ends(
 ) -> tuple[Ends, list[Array]]:
     """Return the intervals of two unknowns from `estimate._ends`, and the points at which the deviance was computed.
 
-    values : the deviance at each of these points, in their order
-    high : upper end of the second interval that the replaced `interval_ends` returns
+    values : the deviances, in the order in which they are computed
+    high : upper end of the second interval that a replacement of `estimate.interval_ends` returns
     has_bulk : whether the second unknown is the bulk modulus
     """
     points, objective_mm = 50.0, 0.02

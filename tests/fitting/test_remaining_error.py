@@ -20,9 +20,9 @@ def at(unit: float, error_mm: float = 0.01) -> Any:
 
 
 def corrected(monkeypatch: pytest.MonkeyPatch, *optima: Any) -> tuple[Any, list[Any]]:
-    """Return the optimum of a fit after its correction by the solid beam model, and the effect of the correction.
+    """Correct a fit by the solid beam model; return its optimum and the effect of the correction.
 
-    optima : the optimum of each fit with the correction; the fit without it has its optimum at 0
+    optima : the optimum after each pass of the correction; the optimum before the first is 0
     """
     passes = iter(optima)
     problem: Any = SimpleNamespace(

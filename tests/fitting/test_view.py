@@ -14,7 +14,7 @@ RULER_MM = np.array([[2.0, -18.0], [48.0, -19.0]])
 
 
 def pinhole(places: np.ndarray, tilt_deg: tuple[float, float]) -> np.ndarray:
-    """Return the image of n points by a tilted pinhole camera: x and y in mm at the centre's distance, shape (n, 2).
+    """Return the image of n points by a tilted pinhole camera, (n, 2): x and y in mm at the distance STAND_OFF_MM.
 
     places : the points in mm, shape (n, 3): right, down and away from the camera
     tilt_deg : rotations that bring the right side and the lower side nearer

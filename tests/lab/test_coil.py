@@ -21,7 +21,8 @@ RULE = Ramp(rate_A_per_s=0.5, step_A=0.1, tolerance_A=0.02, down_within_s=2.0)
 class Supply:
     """A replacement for a supply in simulated time.
 
-    exchange_s: time of each set-point (s). meter: function from set-point (A) and time (s) to the measured current (A).
+    exchange_s: duration (s) of each exchange that sends a set-point. meter: function from set-point (A) and time (s) to
+    the measured current (A).
     """
 
     limits = Limits(2.0, 10.0)

@@ -18,7 +18,7 @@ class Row(NamedTuple):
     """A row of the table of flags: a warning, and the limits of the measured value.
 
     severity: severity beyond `limit`. unusable: limit beyond which a state is unusable. below: whether small values get
-    the warning. adds: a doubtful value, and the standard deviation of the points for this value, with unit.
+    the warning. adds: a doubtful value, and the standard deviation that its warning adds to the edge points, with unit.
     """
 
     name: str

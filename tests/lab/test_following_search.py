@@ -140,7 +140,10 @@ def test_only_the_best_strip_of_each_cell_is_kept() -> None:
 
 
 def trail_of(*lines: tuple[Array, Array], gain: float = 0.5) -> list[_Generation]:
-    """Return the possible beams of a search after each step. lines: places (steps, 2) and scores of each of them."""
+    """Return the possible strips after each step of a search.
+
+    lines: for each strip, its place (steps, 2) and score after each step. gain: gain of the first step.
+    """
     steps = len(lines[0][0])
     trail = []
     for step in range(steps):

@@ -1,4 +1,4 @@
-"""Shadows beside a followed beam are told from its edges by hue, darkness and width."""
+"""Shadows beside a followed beam are distinguished from its edges by hue, darkness and width."""
 
 from __future__ import annotations
 

@@ -177,7 +177,7 @@ def test_a_wrong_current_while_a_state_is_stored_switches_off_and_ends_the_run_a
 
 
 def ended(run: Heeding, **errors: Exception) -> list[Any]:
-    """End a run in which the calls of the coil raise `errors`, by method; return the calls and events."""
+    """End a run whose coil raises `errors`, by the name of its method; return the calls and types of events."""
     run.coil.errors.update(errors)
     ramp_down_and_switch_off(run.coil, run.guardian, on_event=run.did.append)
     return run.done()
@@ -267,7 +267,7 @@ class Sensor:
 
 
 def sensing(*sensors: tuple[str, str, Sensor]) -> tuple[Sensing, SimulatedClock, list[str]]:
-    """Return a reader of `sensors` (name, quantity, replacement), a clock, and a list of warnings and signs of life."""
+    """Return a reader of `sensors` (name, quantity, replacement), a clock, and a list of warnings and "beat"s."""
     clock = SimulatedClock()
     told: list[str] = []
     opened = [

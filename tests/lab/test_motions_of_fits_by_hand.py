@@ -1,4 +1,4 @@
-"""The motions, plans and discoveries of a fit, against values computed by hand."""
+"""Recorded motions, planned ring-downs and discovered laws, against values computed by hand."""
 
 from __future__ import annotations
 

@@ -621,7 +621,7 @@ def test_the_plots_of_a_dataset(entry: h5py.Group) -> None:
 
 
 def dataset_of(kind: str, edges: Any = None) -> Dataset:
-    """Return a dataset of the two states, with an angle of gravity of 90 degrees."""
+    """Return a dataset of STATES, stored as "points" or "frames" (`kind`), with an angle of gravity of 90 degrees."""
     made = Dataset.__new__(Dataset)
     vars(made).update(kind=kind, states=STATES, specimen=SPECIMEN, path=Path("runs/run.h5"), calibration=None)
     vars(made).update(gravity=True, gravity_angle_deg=90.0, edges=lambda: edges)

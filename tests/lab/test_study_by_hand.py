@@ -23,7 +23,7 @@ KEY = "dragon_skin_10"
 
 
 def stored(*error_um: float | None) -> dict[str, Any]:
-    """Return the stored errors of one law on one specimen, one for each state; only None: there is no equilibrium."""
+    """Return the stored errors of one law on one specimen, one for each state; `stored(None)` has no equilibrium."""
     if error_um == (None,):
         return {"error_mm": None, "deviation_mm": None, "edges_mm": None}
     error = [1e-3 * one for one in error_um if one is not None]

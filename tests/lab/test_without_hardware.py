@@ -90,7 +90,7 @@ def pictures(files: Path, frame: Callable[..., np.ndarray]) -> Path:
 
 
 def shown(path: Path, folder: Path) -> list[int]:
-    """Return the number of the stored picture in each state of a dataset."""
+    """Return, for each state of a dataset, the number n of the picture `f_n.png` that it stores."""
     stored = [cv2.imread(str(folder / f"f_{number}.png"), cv2.IMREAD_GRAYSCALE) for number in range(4)]
     numbers = []
     with open_dataset(path) as dataset:

@@ -133,9 +133,9 @@ class CreepingRod:
         return roots, np.real(vectors[:, int(np.argmin(values.real))]), masses[0]
 
     def record(self, field_mT: float, seconds: float, times_s: Array, vibrates: bool = True) -> tuple[Array, complex]:
-        """Change the field at once; return the motion at m times after the change, (m, n), and the complex rate (1/s).
+        """Change the field at once; return n coordinates at m times after the change, (m, n), and a complex rate (1/s).
 
-        The returned rate is that of a vibration whose amplitude has decreased to a fifteenth.
+        The rate changes with the creep; it is returned for the time at which the amplitude is a fifteenth of the first.
         vibrates : False for creep alone
         """
         before = self.coordinates

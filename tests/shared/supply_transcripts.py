@@ -54,8 +54,8 @@ def scpi(
         The messages that start and stop the watchdog, with the replies.
     **strings : str
         Messages that replace those in the dictionary `family` below, such as ``volt="VOLT 12"``. A ``|`` separates two
-        messages. In "protected?" and "mode", an ``=`` separates a query and its reply. "remote" is the first message,
-        for remote control.
+        messages. For the keys "protected?" and "mode", an ``=`` separates a query and its reply. The key "remote" adds
+        a first message, for remote control.
     """
     family = {
         "volt": "VOLT 12.00",

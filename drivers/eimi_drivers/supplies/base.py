@@ -264,7 +264,7 @@ class SupplyBase(Conversation, ABC):
         return self._compare()
 
     def _compare(self) -> bool:
-        """Return whether the output is already off; raise SwitchOffFailed if this may not be the supply of the coil."""
+        """Return whether the output is already off; raise SwitchOffFailed if another supply may have answered."""
         assert self._bound is not None
         try:
             self.identify()
@@ -335,7 +335,7 @@ class SupplyBase(Conversation, ABC):
             )
 
     def _read_back(self, ask: Callable[[], _Value], is_right: Callable[[_Value], bool]) -> _Value | None:
-        """Return the last wrong answer of `ask`; None after `read_backs` consecutive right answers."""
+        """Return None after `read_backs` consecutive right answers, or a wrong one later than READ_BACK_WITHIN_S."""
         deadline = self._clock.now() + READ_BACK_WITHIN_S
         right = 0
         while right < self.read_backs:

@@ -42,7 +42,7 @@ class Interruptions:
             raise
 
     def raised(self, error: BaseException) -> bool:
-        """Return whether `error` was raised by the function between two messages; it is then raised unchanged."""
+        """Return whether `error` was raised by `between_messages`; ForeignSupply then raises it unchanged."""
         return error is self._last
 
 

@@ -41,9 +41,9 @@ def decay(*modes: RingMode, from_s: float = 0.0) -> Decay:
 
 
 def table(weight_log: float = 0.0, hanging_N: float = 0.0, solid: float = 1.0) -> Any:
-    """Return a replacement for a RingTable; the first three frequencies of its beam are 5, 30 and 80 Hz.
+    """Return a replacement for a RingTable (table of vibrations); its beam vibrates with 5, 30 and 80 Hz.
 
-    weight_log, hanging_N : change of ln(frequency) by a weight at the tip, and the weight (N)
+    weight_log : change of ln(frequency) by the weight `hanging_N` (N) at the tip
     solid : second and third frequency of the solid model, divided by those of the planar model
     """
     specimen = Specimen(50.0, 5.0, 5.0, 1000.0)

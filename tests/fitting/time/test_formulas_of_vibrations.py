@@ -27,7 +27,7 @@ def fit(
     """Return the fit of a vibration in 400 frames, 100 in a second, with two independent signals.
 
     modes : frequency (Hz) and loss factor of each vibration
-    linear : first coefficients of the signals; a signal of 1 is a motion by 2 mm along x, or 3 mm along y
+    linear : first rows of coefficients; 1 in the first signal is 2 mm along x, 1 in the second is 3 mm along y
     bend : change of frequency and loss factor of the first vibration at large amplitudes
     """
     of_modes = np.array([[np.log(2 * np.pi * f), loss] for f, loss in modes])

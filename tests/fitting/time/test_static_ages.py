@@ -1,4 +1,4 @@
-"""In a fit to several runs, each load step counts with its age (the time until its measurement)."""
+"""A fit to several runs uses the age of each load step: the time from the change of the load to its measurement."""
 
 from __future__ import annotations
 
