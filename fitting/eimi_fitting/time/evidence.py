@@ -48,7 +48,7 @@ class Evidence(Protocol):
         """
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the changes of the k residuals by each uncertain input, such as the width, (components, k).
+        """Return the changes of k residuals by each uncertain input, such as the width, (components of the input, k).
 
         sources: the standard uncertainties of the inputs, by which they change.
         """
@@ -149,7 +149,7 @@ class RingEvidence:
         return float(np.hypot(MESH_ERROR, 0.5 * self.table.fixed_weight_log))
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the changes of the k residuals by each uncertain input, such as the width, (components, k).
+        """Return the changes of k residuals by each uncertain input, such as the width, (components of the input, k).
 
         sources: the standard uncertainties of the inputs, by which they change.
         """
@@ -178,7 +178,7 @@ class Sag:
     moduli_Pa : ndarray, shape (m,)
         Shear moduli.
     ratios : ndarray, shape (m,)
-        The sag computed with each modulus in ``moduli_Pa``, divided by the same computed sag.
+        The sag with each modulus in ``moduli_Pa``, divided by the sag with the modulus that the frequency suggests.
     """
 
     computed_mm: float

@@ -111,7 +111,7 @@ class Problem:
         return np.concatenate([self.rows(unknowns), (unknowns - self.mean) / self.sigma], axis=1)
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the changes of the k residuals by each uncertain input, such as the width, (components, k).
+        """Return the changes of k residuals by each uncertain input, such as the width, (components of the input, k).
 
         sources: the standard uncertainties of the inputs, by which they change.
         """
@@ -173,9 +173,9 @@ class TimeOptimum:
         return np.asarray(np.linalg.inv(self.jacobian.T @ self.jacobian))
 
     def steps(self, effects: Mapping[str, Array]) -> dict[str, Array]:
-        """Return the changes of the m unknowns at the optimum by each uncertain input, (components, m).
+        """Return the changes of the m unknowns at the optimum by each uncertain input, (components of the input, m).
 
-        effects: the changes of the k residuals by each uncertain input, (components, k).
+        effects: the changes of the k residuals by each uncertain input, (components of the input, k).
         """
         gain = -self.covariance @ self.jacobian[: len(self.jacobian) - len(self.unknowns)].T
         return {key: rows @ gain.T for key, rows in effects.items()}
@@ -300,8 +300,8 @@ def _features(terms: Terms, unknowns: Array, omegas: Array) -> Array:
 def drawn(optimum: TimeOptimum, steps: Mapping[str, Array], seed: int, omegas: Array, of_sources: bool = True) -> Array:
     """Return D random draws of the m unknowns from their posterior distribution, (D, m).
 
-    steps: the changes of the unknowns by each uncertain input, (components, m). omegas: angular frequencies of the data
-    in rad/s. of_sources: whether the draws contain the errors of the inputs.
+    steps: the changes of the unknowns by each uncertain input, (components of the input, m). omegas: angular
+    frequencies of the data in rad/s. of_sources: whether the draws contain the errors of the inputs.
     """
     problem, at = optimum.problem, optimum.unknowns
     rng = np.random.default_rng(seed)

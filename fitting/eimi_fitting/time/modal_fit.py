@@ -42,12 +42,12 @@ class ModalFit:
     Attributes
     ----------
     signals : Signals
-        The signals of the ring-down: r reduced signals in n frames.
+        The signals of the ring-down: r linear combinations of the measured displacements in n frames.
     modes : ndarray, shape (m, 2)
         ln(angular frequency in rad/s) and loss factor of each mode.
     bend : ndarray, shape (2,)
-        kappa_1 and kappa_2: relative excess of the first mode's frequency at the first frame over that at small
-        amplitudes, and half of the excess of its loss factor.
+        Changes of the first mode from small amplitudes to the amplitude in the first frame: relative change of its
+        frequency (kappa_1), and half of the change of its loss factor (kappa_2).
     has_bend : bool
         Whether ``bend`` was fitted.
     chi2 : float
@@ -57,7 +57,7 @@ class ModalFit:
     covariance : ndarray
         Covariance of ``modes`` and ``bend``.
     residuals : ndarray, shape (n, r)
-        Residuals of the reduced signals.
+        Residuals of the r signals.
     linear : ndarray, shape (f, r)
         Coefficients of f functions of time, which are fitted to the signals.
     """
@@ -203,8 +203,8 @@ def with_more_modes(fitted: ModalFit) -> ModalFit:
 def exponent(time: Array, mode: Array, bend: Array) -> NDArray[np.complex128]:
     """Return the complex exponent psi of a damped vibration Re(a exp(psi)) at n times, (n,).
 
-    mode: ln(angular frequency in rad/s) and loss factor, (2,). bend: kappa_1 and kappa_2 of the
-    module, which describe their changes with the amplitude, (2,), or empty.
+    mode: ln(angular frequency in rad/s) and loss factor, (2,). bend: relative change of the frequency, and half of the
+    change of the loss factor, due to the amplitude at time 0, (2,), or empty.
     """
     omega, loss = np.exp(mode[0]), mode[1]
     delta = 0.5 * loss * omega
@@ -218,8 +218,9 @@ def exponent(time: Array, mode: Array, bend: Array) -> NDArray[np.complex128]:
 def design_matrix(time: Array, modes: Array, bend: Array) -> Array:
     """Return the functions of time whose linear combinations are fitted to a ring-down, one in each column.
 
-    modes: ln(angular frequency in rad/s) and loss factor of each mode, (m, 2). bend: kappa_1 and kappa_2 of the
-    module, which describe the changes of the first mode with the amplitude, (2,), or empty.
+    modes: ln(angular frequency in rad/s) and loss factor of each mode, (m, 2). bend: relative change of the
+    first mode's frequency, and half of the change of its loss factor, due to the amplitude in the first frame, (2,), or
+    empty.
     """
     t = time - time[0]
     first = exponent(t, modes[0], bend)

@@ -163,7 +163,10 @@ class RingTable:
 
     @cached_property
     def fixed_weight_log(self) -> float:
-        """The change of ln(frequency) if the hanging weight moved with the tip across gravity as well as along it."""
+        """The value of ln(frequency) with the weight fixed to the tip, minus that with the hanging weight.
+
+        A hanging weight follows the tip only along gravity.
+        """
         beam = self.beam
         if not beam.hanging_N:
             return 0.0
@@ -173,7 +176,11 @@ class RingTable:
 
     @cached_property
     def _better(self) -> tuple[Array, float, Array]:
-        """Frequency ratios, factor on the modulus, and squared frequencies with which the planar model is corrected."""
+        """Three results of a more accurate beam model, which correct the planar model.
+
+        They are its three lowest frequencies, divided by those of the planar model; the factor on the modulus with
+        which the planar model bends as far; and its squared angular frequencies at `_RATIOS`, (3, 2).
+        """
         beam, parameters = self.beam, self.beam.parameters(np.array([self.middle_Pa]))
         planar = beam.planar()
         plain, _ = beam.vibration(planar).about(beam.law, parameters, beam.loads)
@@ -181,8 +188,6 @@ class RingTable:
             finer, _ = beam.vibration(planar.refined()).about(
                 beam.law, parameters, beam.loads, stiffenings=_STIFFENINGS
             )
-            # Ratios of the three lowest frequencies, factor on the modulus for the bending, and squared angular
-            # frequencies at `_RATIOS`, (3, 2).
             return finer.frequencies_Hz()[0] / plain.frequencies_Hz()[0], 1.0, _eigenvalues(finer)
         beside = SolidBeside(beam.specimen, *_SOLID)
         bent = beside.solve(
@@ -209,7 +214,8 @@ class RingTable:
         Returns
         -------
         factors : ndarray, shape (3, 2)
-            Squared angular frequencies of three modes for two stiffnesses: fine mesh divided by coarse mesh.
+            Squared angular frequencies of three modes for the modulus times each of `_RATIOS`: fine mesh over coarse
+            mesh.
         turn_deg : float
             Rotation of the tip: fine mesh minus coarse mesh.
         """
@@ -227,7 +233,7 @@ class RingTable:
         return squares[1] / squares[0], turned[1] - turned[0]
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the changes of ln(frequency) of three modes by each uncertain input, (components, 3).
+        """Return the changes of ln(frequency) of three modes by each uncertain input, (components of the input, 3).
 
         sources: the standard uncertainties of the inputs, such as the width, by which they change.
         """

@@ -120,8 +120,8 @@ class CreepEvidence:
     def residuals_at(self, true: Array) -> Array:
         """Return the residuals of k measured rotations of the tip and of one prior for P candidate laws, (P, k + 1).
 
-        The prior limits the shift of the mean rotation by the free vibration. true: the rotations at k times that
-        each law predicts, in rad, (P, k).
+        A free vibration shifts the mean rotation of a bent beam; the prior limits this shift. true: the rotations at
+        k times that each law predicts, in rad, (P, k).
         """
         gap = self.shown_at(true) - self.rotation
         error = _RECOVERY_ERROR if self.shown is None else _CREEP_ERROR
@@ -216,8 +216,9 @@ class StaticEvidence:
         return total / np.maximum(weights, 1e-30)
 
     def residuals_at(self, rotations: Sequence[Array]) -> Array:
-        """Return the residual of ln(shear modulus) of shapes at rest for P candidate laws, (P, 1).
+        """Return the error of ln(shear modulus) for P candidate laws, in standard uncertainties, (P, 1).
 
+        The modulus that an elastic fit to the computed shapes would find is compared with that of the measured shapes.
         rotations: for each run, the computed rotations of the tip in its states, (P, states) in rad.
         """
         gap = self._apparent_log(rotations) - np.log(self.modulus_Pa)
@@ -287,7 +288,7 @@ class SlowEvidence:
         return np.concatenate(rows, axis=1)
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the changes of the k residuals by each uncertain input, such as the width, (components, k).
+        """Return the changes of k residuals by each uncertain input, such as the width, (components of the input, k).
 
         sources: the standard uncertainties of the inputs, by which they change.
         """

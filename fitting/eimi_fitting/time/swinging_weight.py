@@ -101,8 +101,8 @@ def _squares(modes: Array) -> NDArray[np.complex128]:
 def _shares(modes: Array) -> Array:
     """Return the fraction p_i of the kinetic energy that is in the beam, not in the weight, for two vibrations, (2,).
 
-    It follows from the losses, because only the beam loses energy; the module computes the frequency without a swing
-    from it. modes: ln(angular frequency) and loss factor of each vibration, (4,).
+    Only the beam loses energy, so the losses of the vibrations give these fractions. modes: ln(angular frequency) and
+    loss factor of each vibration, (4,).
     """
     lost = _squares(modes).imag
     return np.asarray(lost / lost.sum())

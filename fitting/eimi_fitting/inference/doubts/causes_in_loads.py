@@ -1,4 +1,4 @@
-"""List the bench errors of the loads: the moment, the field, and softening of the beam during the run."""
+"""List the errors that act like wrong loads: errors of the moment and the field, and softening of the beam."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def directions_of_change(loads: Loads) -> Array:
 
 
 def _lagging(loads: Loads, amplitudes: Array) -> Loads:
-    """Divide each load reached by a decrease by 1 - ``amplitudes[0]``, which has the effect of a softer beam."""
+    """Increase each load that follows a decrease by the factor 1 / (1 - ``amplitudes[0]``), as if the beam softened."""
     return _softened(loads, 1 - amplitudes[0] * (directions_of_change(loads) < 0))
 
 

@@ -169,7 +169,7 @@ class NotDetermined(Exception):
 
 
 def check_determined(estimate: Estimate, experiments: Sequence[Experiment]) -> None:
-    """Raise an exception if a single load case does not determine the initial shear modulus.
+    """Raise an exception if the data are one load case only, which does not determine the initial shear modulus.
 
     Raises
     ------

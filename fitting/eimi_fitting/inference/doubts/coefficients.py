@@ -34,14 +34,13 @@ class Coefficients:
     scale : ndarray, shape (C + 1,)
         Prior standard deviation of each unknown, then 1.
     law, simulated, common : int
-        Index of the first unknown after the changes of the law, the errors of inputs, and the errors of the beam
-        model.
+        Index of the first error of an input, of the first error of the beam model, and of the first bench error.
     of_inputs, of_causes : list of list of int
         Indices of the unknowns of each input, and of each bench error.
     columns : list of Column
         Descriptions of the errors of inputs and of the bench errors.
     remaining : ndarray, shape (E, N)
-        Change of the N coefficients in mm by the standard error of each of E accurate beam models.
+        Change of the N coefficients in mm by one standard error of each of E accurate beam models.
     """
 
     rows: Array
@@ -98,7 +97,10 @@ class Coefficients:
         )
 
     def column(self, row: int) -> Column:
-        """Return the effect on the residuals of unknown ``row``, an error of an input or a bench error."""
+        """Return how one of the unknowns changes the residuals.
+
+        row: index of an error of an input with a stated uncertainty, or of a bench error.
+        """
         return self.columns[row - self.law if row < self.common else row - self.law - self.common + self.simulated]
 
 

@@ -42,9 +42,10 @@ class Deviation:
 
 
 def deviations(weighing: Weighing, posterior: Posterior, base: int) -> dict[int, Deviation]:
-    """Return the errors of inputs within their stated uncertainties that the residuals show.
+    """Return those errors of inputs, such as the width, that the residuals show and the stated uncertainties allow.
 
-    A key is an index in the list of bench errors. ``base`` is the index of the most probable set of bench errors.
+    A key is the index of such an error in the list of all possible errors. ``base`` is the index of the most probable
+    set of errors.
     """
     recognised: dict[int, Deviation] = {}
     for cause in range(len(weighing.blocks)):

@@ -36,7 +36,7 @@ class Projection:
     over_states, over_groups : tuple of ndarray, shape (K, K) and (G, G)
         Orthogonal matrices that make errors of different load cases, or edges, uncorrelated.
     noise, error : ndarray, shape (N,)
-        Variance in mm^2 of each coefficient due to noise, and due to an unexplained error of the size 1 mm.
+        Variance in mm^2 of each coefficient due to noise, and due to unexplained errors if their size were 1 mm.
     """
 
     bases: tuple[Array, ...]
@@ -58,7 +58,10 @@ class Projection:
         return np.concatenate(parts, axis=-1)
 
     def smooth(self, changes: Array) -> Array:
-        """Return variances (mm^2) of N coefficients due to smooth errors as large as coefficients ``changes``."""
+        """Return the variances (mm^2) of the N coefficients due to errors that vary smoothly along the edges.
+
+        changes: coefficients of some changes of the residuals, (c, N), which give the size of the errors.
+        """
         parts, first = [], 0
         for basis in self.bases:
             here = slice(first, first := first + basis.shape[0] * basis.shape[1] * basis.shape[3])

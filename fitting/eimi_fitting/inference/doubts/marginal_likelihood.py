@@ -57,7 +57,8 @@ def weigh(columns: Array, members: NDArray[np.intp], y: Array, noise: Array, err
     y : ndarray, shape (H, N)
         The data for each model, in mm.
     noise, error : ndarray, shape (N,)
-        Variance of each datum in mm^2 due to noise, and due to an unexplained error of the size 1 mm.
+        Variance of each datum in mm^2 due to noise, and due to unexplained errors if their size were 1 mm. The
+        true size is unknown.
     """
     # Bishop 2006, Pattern Recognition and Machine Learning, section 3.5, with Woodbury's identity.
     common, own = _common(members)

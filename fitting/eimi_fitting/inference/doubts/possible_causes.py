@@ -45,7 +45,7 @@ class Assumed:
 
     @property
     def with_errors(self) -> Experiment:
-        """The experiment with those of the ``deviations`` that change the specimen, the loads or the lens."""
+        """The experiment with those errors of inputs that change the specimen, the loads or the lens."""
         parts: dict[str, Array] = {}
         for source, part, value in self.deviations:
             if SOURCES[source].changes_experiment:
@@ -54,7 +54,7 @@ class Assumed:
 
     @property
     def setup(self) -> Setup:
-        """The effect of the wrong inputs on the strength of the field and on the picture."""
+        """The changes of the field strength and of the picture by errors of inputs (``deviations``)."""
         return Setup.of(self.deviations, 1)
 
 

@@ -63,7 +63,10 @@ class Column:
 
 @dataclass(frozen=True)
 class Solved:
-    """The simulated shapes and residuals (mm) of ``bent``, the experiment with the errors that ``assumed`` lists."""
+    """The shapes and residuals (mm) that are simulated with everything that a fit assumes, ``assumed``.
+
+    ``bent`` is the experiment with the assumed errors of inputs, such as a wrong width.
+    """
 
     assumed: Assumed
     bent: Experiment
@@ -132,9 +135,9 @@ def _bends_alike(assumed: Assumed, bent: Experiment, before: Solved) -> bool:
 
 @dataclass(frozen=True)
 class About:
-    """The optimum of a fit, with the derivatives for a comparison of bench errors.
+    """The optimum of a fit, with the derivatives for a comparison of bench errors, such as a wrong scale.
 
-    K are the load cases, G = 2 the edges, m the points, and l the unknowns that are no bench error.
+    K are the load cases, G = 2 the edges, m the points, and l the unknowns of the fit other than bench errors.
 
     Parameters
     ----------
@@ -150,8 +153,10 @@ class About:
         Derivatives of the residuals of each experiment by the l unknowns, in mm.
     residuals : tuple of ndarray, shape (K, G, m)
         Residuals of each experiment at the optimum, in mm.
-    used, in_error : tuple of ndarray, shape (K, G, m)
-        Weights of the points to compare bench errors (zero near clamp and tip), and for root mean square residuals.
+    used : tuple of ndarray, shape (K, G, m)
+        Weights of the points in the comparison of bench errors; zero near clamp and tip.
+    in_error : tuple of ndarray, shape (K, G, m)
+        Weights of the points in root mean square residuals.
     solved : tuple of Solved
         Simulation of each experiment at the optimum.
     """
@@ -203,7 +208,10 @@ class About:
         ]
 
     def start(self, cause: PossibleCause, part: int, dataset: int) -> float:
-        """Return the value that the fit already uses for one component of a bench error, such as a measured clamp."""
+        """Return the value of one component of a bench error that the fit already contains, such as a shift in x.
+
+        part: index of the component. dataset: index of the experiment.
+        """
         measured = self.problem.experiments[dataset].measured.get(cause.source, ())
         if not measured:
             return 0.0
@@ -226,14 +234,14 @@ class About:
     def simulated(
         self, moved: Array, amplitudes: Mapping[PossibleCause, Sequence[tuple[Column, float]]]
     ) -> list[Array] | None:
-        """Simulate the residuals of each experiment in mm, (K, 2, m), for a changed law and some bench errors.
+        """Simulate the residuals of each experiment in mm, (K, 2, m), for a changed law and bench errors.
 
         Parameters
         ----------
         moved : ndarray, shape (l,)
-            Changes of the unknowns that are no bench error.
+            Changes of the l unknowns of the fit other than bench errors (a wrong scale, for example).
         amplitudes : mapping of PossibleCause to sequence of (Column, float)
-            Components of each bench error with their values.
+            The components of each bench error, such as x and y of a shift, with their values.
         """
         unit = self.unit.copy()
         unit[self.kept] = np.clip(unit[self.kept] + moved, 0.0, 1.0)
@@ -290,7 +298,7 @@ def columns_of(about: About, cause: PossibleCause) -> tuple[Column, ...]:
 
 
 def _groups(problem: Problem, cause: PossibleCause) -> list[tuple[tuple[int, ...], float]]:
-    """Return the groups of datasets that share a bench error, with the stated uncertainty of the error or 0."""
+    """Return groups of datasets with the same error, such as one wrong width, and its stated uncertainty or 0."""
     every = tuple(range(len(problem.experiments)))
     if cause.is_common:
         return [(every, 0.0)]

@@ -120,9 +120,9 @@ class Weighing:
         return len(columns) if shown is None else sum(column.part < shown for column in columns) or len(columns)
 
     def alone(self, best: int) -> slice:
-        """Return the positions in ``hypotheses`` of the sets of at most one bench error.
+        """Return the positions in ``hypotheses`` of sets of 0 or 1 bench errors, in the half that contains ``best``.
 
-        If inputs are uncertain, every set is there twice, first with exact inputs. Use the half of ``best``.
+        If inputs are uncertain, ``hypotheses`` contains all sets with exact inputs, then all with uncertain inputs.
         """
         first = self.is_uncertain[best] * (len(self.hypotheses) // len(self._members))
         return slice(first, first + 1 + len(self._causes))
@@ -156,7 +156,7 @@ class Weighing:
         return self._scale[rows]
 
     def rows_of_inputs(self, cause: int) -> list[int]:
-        """Return the indices of those uncertain inputs that may be wrong if a bench error is present."""
+        """Return the indices of the uncertain inputs that cause a bench error, such as remanence for a wrong moment."""
         stated_as = self._causes[cause].stated_as
         return [
             row
@@ -173,20 +173,26 @@ class Weighing:
         return float((change**2 / variance).sum())
 
     def as_cause(self, rows: Sequence[int], amounts: Array, cause: int) -> Array:
-        """Return the size of a bench error whose effect best approximates that of the errors ``amounts`` of inputs."""
+        """Return the size of a bench error, such as a wrong moment, that best approximates the effect of wrong inputs.
+
+        rows, amounts: indices and errors of these inputs, such as the remanence.
+        """
         of_cause, root = self._shown_rows(cause), np.sqrt(self._variance)
         change = amounts / self._scale[rows] @ self._rows[rows] / root
         return np.linalg.lstsq((self._rows[of_cause] / root).T, change, rcond=None)[0] * self._scale[of_cause]
 
     def stated_size(self, cause: int) -> float:
-        """Return the standard uncertainty of a bench error due to the stated uncertainties of inputs, or 0."""
+        """Return the standard uncertainty of a bench error, such as a wrong moment, due to uncertain inputs.
+
+        It is 0 if no uncertain input, such as the remanence, causes this error.
+        """
         parts = [self.as_cause([row], self._scale[[row]], cause) for row in self.rows_of_inputs(cause)]
         return float(np.linalg.norm(parts)) if parts else 0.0
 
     def if_exact(self, base: int, rows: Sequence[int]) -> Exact:
-        """Return the probability of each further bench error if the inputs with the indices ``rows`` are exact.
+        """Return the probabilities of the bench errors outside the set ``base``, if some inputs have no error.
 
-        base: index of the set of present bench errors.
+        base: index of a set of bench errors, which are present. rows: indices of these inputs.
         """
         hypothesis = self.hypotheses[base]
         causes = [cause for cause in range(len(self._causes)) if cause not in hypothesis]
@@ -239,7 +245,10 @@ class Weighing:
         return result
 
     def _starts(self, result: Posterior, known: NDArray[np.bool_]) -> list[tuple[int, int]]:
-        """Return pairs of sets of bench errors: one not simulated, and a simulated subset whose correction it uses."""
+        """Return pairs of sets of bench errors, as indices: a set that was not simulated, and a simulated subset.
+
+        The simulation of the subset also corrects the linear model of the set.
+        """
         score = result.log_evidence + self.log_prior
         # Without a correction, a hypothesis that was not simulated seems to agree worse with the data than others. It
         # takes the correction of the most probable simulated hypothesis with a part of its causes. Both must have the
@@ -259,7 +268,10 @@ class Weighing:
         return pairs
 
     def _model_error(self, changes: Array) -> Array:
-        """Return variances (mm^2) of N coefficients due to errors of the beam model and of simulated ``changes``."""
+        """Return the variances (mm^2) of the N polynomial coefficients of residuals due to errors of the beam model.
+
+        changes: simulated changes of the coefficients, (c, N), each of which has an error of 1 per cent.
+        """
         # The error after the corrections by better models, and an error of 1 per cent in each simulated change.
         of_moves = _OF_MOVE**2 * ((changes**2).sum(axis=0) + self._project.smooth(changes))
         return np.asarray(of_moves + self._project.smooth(self._coefficients.remaining))

@@ -93,7 +93,10 @@ class Experiment:
         )
 
     def recorrected(self, misfit: Misfit, before: Experiment) -> Misfit:
-        """Replace the correction of ``before`` in the residuals ``misfit`` by the correction of this experiment."""
+        """Replace the correction of the residuals ``misfit`` by a better beam model with that of this experiment.
+
+        before: the experiment whose correction the residuals contain.
+        """
         # No simulation is needed, because the two experiments differ only in their corrections.
         difference = sum(
             (sign * e.change for sign, e in ((1, self), (-1, before)) if e.change is not None), start=np.zeros(1)

@@ -81,9 +81,9 @@ class Source:
 
     @property
     def changes_experiment(self) -> bool:
-        """Whether `Experiment.under` applies an error of this input, to the specimen, the loads or the lens."""
-        # `Setup` describes all other errors: a factor on the magnetic loads, or a shift, rotation or scale of the
-        # image.
+        """Whether an error of this input changes the specimen, the loads or the lens of an experiment."""
+        # `Experiment.under` applies these errors. `Setup` describes all others: a factor on the magnetic loads, or a
+        # shift, rotation or scale of the image.
         return any((self.specimen, self.loads, self.lens))
 
     @property

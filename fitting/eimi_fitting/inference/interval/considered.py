@@ -63,7 +63,7 @@ class ConsideredSources:
 
     @property
     def freed(self) -> Nuisance:
-        """The component as an unknown of a fit, with its standard uncertainty as standard deviation of the prior."""
+        """The component of an input as an unknown of a fit; its standard uncertainty is that of the prior."""
         return Nuisance(self.name, self.shared.source, self.part, self.shared.datasets, self.standard_uncertainty)
 
 
@@ -96,7 +96,7 @@ def unstated_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
 
 
 def _concerns(source: str, experiment: Experiment) -> bool:
-    """Return whether a usual error of a magnetic input has an effect: it changes the specimen in a field."""
+    """Return whether a usual error of a magnetic input changes the specimen, and a magnetic field acts on it."""
     # Without a field, the direction of magnetisation has no effect.
     before = experiment.model.specimen
     changed = specimen_under(before, {source: np.full(len(SOURCES[source].parts), SOURCES[source].usual)})
@@ -287,7 +287,7 @@ _FARTHEST = 2.0
 
 
 def steps_of(about: Linearisation, sources: Sequence[ConsideredSources], covariance: Array) -> Steps:
-    """Return changes of the fitted values: due to errors of the inputs ``sources``, and without search bounds.
+    """Return two changes of the fitted values: by errors of the inputs ``sources``, and by a fit without bounds.
 
     ``covariance`` (n, n) is the covariance of the n unknowns due to noise and priors.
     """

@@ -66,7 +66,7 @@ def draw_noise(
     model_errors : ndarray, shape (C, n)
         Change of the unknowns by one standard deviation of each of C errors of the beam models.
     modulus_errors : ndarray, shape (C,)
-        Standard deviation of the further error of the modulus (the first unknown) that ``model_errors`` leaves out.
+        Standard deviation of a second, independent change of the modulus (the first unknown) by each of the C errors.
     """
     values, vectors = np.linalg.eigh(covariance)
     root = vectors * np.sqrt(np.maximum(values, 0.0))

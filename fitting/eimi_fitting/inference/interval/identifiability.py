@@ -1,8 +1,8 @@
 """Find the combinations of the unknowns of a fit that the data determine, and describe them in words.
 
 The combinations are the eigenvectors of P^(-1/2) A P^(-1/2), with the information A of the data
-(`inference.interval.covariance`) and the diagonal inverse variance P of the priors. The fit multiplies the standard
-deviation of a combination with the eigenvalue v by 1 / sqrt(1 + v).
+(`inference.interval.covariance`) and the diagonal inverse variance P of the priors. The fit reduces the standard
+deviation of a combination to its prior value times 1 / sqrt(1 + v), where v is its eigenvalue.
 """
 
 from __future__ import annotations

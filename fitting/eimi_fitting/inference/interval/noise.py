@@ -67,7 +67,7 @@ class Effect:
     share : float, optional
         Error of the fitted values with the accurate model, as a share of ``moved``.
     least_percent : float
-        Lower limit of the 95 % bound of the remaining error of the modulus, in per cent.
+        Smallest 95 % bound of the error of the modulus in per cent; it replaces a smaller one that ``share`` gives.
     """
 
     correction: Correction
@@ -77,7 +77,7 @@ class Effect:
 
     @property
     def remaining_share(self) -> float:
-        """The error that remains with the accurate beam model, as a share of ``moved``."""
+        """The error of the fitted values with the accurate beam model, as a share of their change by this model."""
         return self.correction.refinement.remaining_share if self.share is None else self.share
 
 

@@ -51,7 +51,7 @@ class KnownLaw:
     parameters: Array
 
     def unknowns(self) -> tuple[Unknowns, Array]:
-        """Return the unknowns of a fit, and the parameters of this law as their values, (n,), scaled to 0..1."""
+        """Return the unknowns of a fit of the law, and their values for ``parameters``, (n,), scaled to 0..1."""
         modulus = float(self.law.initial_shear_modulus(self.parameters))
         space = search_space(self.law)
         # The bounds are 1.5 decades below and above the modulus of the earlier fit.

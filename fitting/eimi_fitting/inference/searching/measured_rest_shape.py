@@ -180,7 +180,10 @@ def _residuals(experiment: Experiment, modulus_Pa: float, setups: Sequence[Setup
 def _amplitudes(
     rest: Experiment, modulus_Pa: float, start: Array, used: NDArray[np.intp]
 ) -> tuple[Array, Array] | None:
-    """Fit the smooth deviations with the indices ``used``; return all amplitudes and their uncertainties in mm."""
+    """Fit the amplitudes of some modes; return the amplitudes of all modes and their uncertainties in mm.
+
+    A mode is a smooth change of the stress-free shape, such as a bend. used: indices of the fitted modes.
+    """
     # A small rotation and a small shift of the picture are fitted, too.
     amplitudes, picture = start.copy(), np.zeros(2)
     priors = np.concatenate([_PRIOR_MM[used], [_TURN_DEG, _SHIFT_MM]])

@@ -152,7 +152,10 @@ def _about(evaluate: Callable[[Array, E | None], E], unit: Array, near: E | None
 
 
 def _step(here: Evaluation, distance: Array, unit: Array, damping: float) -> Array:
-    """Return a damped Gauss-Newton step from ``unit``, (n,); distance: width of the differences, (n,)."""
+    """Return a damped Gauss-Newton step, (n,), of the n unknowns from their values ``unit``, scaled to 0..1.
+
+    distance: distance between the two points of each finite difference, (n,).
+    """
     gradient, hessian = _normal_equations(here.misfits, distance)
     # The end of the step has coordinates from 0 to 1.
     damping = max(damping, _FACTORISED * float(np.trace(hessian)))

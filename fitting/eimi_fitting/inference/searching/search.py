@@ -28,7 +28,7 @@ _MODULUS = 0.3  # share of that step in the first coordinate, the modulus, which
 
 
 class Values(Protocol):
-    """The objectives of P points of a search, and whether the points are valid."""
+    """The objectives of P points of a search (each with a value of every unknown), and whether the points are valid."""
 
     @property
     def objective_mm(self) -> Array:
@@ -40,7 +40,7 @@ class Values(Protocol):
 
     @property
     def unstable(self) -> NDArray[np.bool_]:
-        """Whether the material law is unstable in a load state, for each of P points, (P,)."""
+        """Whether the material law is unstable in a load state, for each of P sets of its parameters, (P,)."""
 
 
 @dataclass(frozen=True)
