@@ -43,7 +43,7 @@ def table_of(body: dict[str, Any], key: str) -> dict[str, Any]:
     """Return the JSON object under a key in the body of a request. Raises InputError if there is no JSON object."""
     table = body.get(key)
     if not isinstance(table, dict):
-        raise InputError(f"the request should have the key {key} with a JSON object")
+        raise InputError(f"{key} is missing: the request should have a JSON object under this key")
     return table
 
 

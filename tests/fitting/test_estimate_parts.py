@@ -252,8 +252,8 @@ def test_the_change_by_an_input_is_a_finite_difference_with_the_first_step_that_
 ) -> None:
     beam = Bending(limit, status)
     sources = {
-        "load": SimpleNamespace(parts=("x", "y"), bends=True, changes_shapes=True),
-        "camera": SimpleNamespace(parts=("x", "y"), bends=False, changes_shapes=False),
+        "load": SimpleNamespace(parts=("x", "y"), changes_experiment=True, changes_shapes=True),
+        "camera": SimpleNamespace(parts=("x", "y"), changes_experiment=False, changes_shapes=False),
     }
     monkeypatch.setattr(considered, "SOURCES", sources)
     monkeypatch.setattr(considered, "Setup", SimpleNamespace(of=lambda numbers, candidates: list(numbers)))

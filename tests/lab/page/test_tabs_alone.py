@@ -190,5 +190,5 @@ def test_the_body_of_a_request_is_a_json_object() -> None:
     run(test)
     assert table_of({"a": {"b": 1}}, "a") == {"b": 1}
     for body in ({}, {"a": [1]}, {"a": None}):
-        with pytest.raises(InputError, match=r"^the request should have the key a with a JSON object$"):
+        with pytest.raises(InputError, match=r"^a is missing: the request should have a JSON object under this key$"):
             table_of(body, "a")
