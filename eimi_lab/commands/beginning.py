@@ -14,7 +14,12 @@ STATES = "states.csv"
 
 
 def init(
-    folder: Annotated[Path, typer.Argument(help="folder for the files; it may contain images already")] = Path(),
+    folder: Annotated[
+        Path,
+        typer.Argument(
+            help="folder in which the templates of the TOML files are written; it may contain images already"
+        ),
+    ] = Path(),
     force: Force = False,
 ) -> Result:
     """Write template files for a new beam, to be filled in.

@@ -87,7 +87,9 @@ def emulate(
     ],
     rig: Annotated[
         str | None,
-        typer.Argument(help="if SUPPLY is the word bench: rig.toml, or the name of a shipped rig such as virtual"),
+        typer.Argument(
+            help="only for `emulate bench`, a whole bench: rig.toml, or the name of a shipped rig such as virtual"
+        ),
     ] = None,
     tcp: Annotated[
         int | None,
@@ -149,7 +151,7 @@ def emulate(
         str | None,
         typer.Option(
             metavar="FILE",
-            help="if SUPPLY is the word bench: specimen.toml, or the name of a shipped specimen such as type1",
+            help="only for `emulate bench`: specimen.toml, or the name of a shipped specimen such as type1",
         ),
     ] = None,
     output: Annotated[
@@ -158,7 +160,7 @@ def emulate(
             "-o",
             "--output",
             metavar="FILE",
-            help="if SUPPLY is the word bench: rig file to write, with the addresses of the emulated instruments; "
+            help="only for `emulate bench`: rig file to write, with the addresses of the emulated instruments; "
             "`eimi acquire --rig FILE` then measures with these instruments",
         ),
     ] = Path("bench.toml"),
@@ -168,7 +170,7 @@ def emulate(
             metavar="SHARE",
             min=0.0,
             max=1.0,
-            help="if SUPPLY is the word bench: fraction of the data packets of the camera that are lost, from 0 to 1",
+            help="only for `emulate bench`: fraction of the data packets of the camera that are lost, from 0 to 1",
         ),
     ] = 0.0,
     force: Force = False,
