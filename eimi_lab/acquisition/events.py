@@ -95,7 +95,8 @@ class ShapeChange:
 class ConditioningDone(Event):
     """All load cycles before the run are done.
 
-    `cycles` is the number of load cycles. `changes` contains, for each current, the change of the beam's shape.
+    `cycles` is the number of load cycles. `changes` describes, for each current, how far the cycles changed the beam's
+    shape at rest.
     """
 
     event: ClassVar[str] = "conditioning_done"
@@ -272,10 +273,10 @@ class OffConfirmed(Event):
 
     `by` is the process that switched the coil off: the run, or the guardian process if the run cannot do it.
     `determined_by` is "commanded" if the supply reports a set-point of zero and an output that is off, and "measured"
-    if in addition the measured current `current_A` is below the limit `limit_A`. Both are null if the supply cannot
-    measure. `takeover` is the reason why the guardian switched the coil off; otherwise null. `run_killed` is true if
-    the guardian killed the run before. `address` is the address of the supply; empty if the run switched the coil off.
-    `remark` describes failures before the coil was off, in words; usually empty.
+    if in addition the measured current `current_A` is below the limit `limit_A`. These two currents are null if the
+    supply cannot measure. `takeover` is the reason why the guardian switched the coil off; otherwise null. `run_killed`
+    is true if the guardian killed the run before. `address` is the address of the supply; empty if the run switched the
+    coil off. `remark` describes failures before the coil was off, in words; usually empty.
     """
 
     event: ClassVar[str] = "off_confirmed"
