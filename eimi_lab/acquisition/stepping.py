@@ -144,7 +144,7 @@ class Stepping:
         self.on_event(StateStored(state=state, current_A=current_A, waited_s=settled.waited_s, flags=names))
 
     def store(self, recording: str, belongs_to: Sequence[int], moments: Sequence[Moment]) -> None:
-        """Store frames that were taken outside the states (load steps) of the run. Raises StorageFailed.
+        """Store additional frames, such as those of load cycles before the run. Raises StorageFailed.
 
         Parameters
         ----------

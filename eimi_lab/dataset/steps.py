@@ -1,4 +1,4 @@
-"""Store and read the set-points that a run sent, and the steps of the current that began its free oscillations.
+"""Store and read set-points of the current, and the steps of the current after which the beam vibrates freely.
 
 The current changes between the sending of a set-point and the answer of the supply. The stored time is the middle of
 this interval, with the standard deviation of a uniform distribution over the interval.

@@ -111,7 +111,7 @@ def predicted_errors_mm(
 def _uncertain_numbers(
     fit: FitRecord | TensileRecord | RingDownRecord, evidence: Evidence
 ) -> list[tuple[StatedSource, int]]:
-    """Return each uncertain input of a dataset with the index of a component, such as 0 for x and 1 for y."""
+    """Return all components of the uncertain inputs of a dataset, as pairs of input and index (0 for x, 1 for y)."""
     freed = {source for source, _, _ in _candidate(fit, evidence).freed}
     identified = freed.union(*(SOURCES[source].covers for source in freed))
     return [

@@ -47,7 +47,7 @@ class Stopped(BaseException):
         self.number, self.left = number, left
 
     def in_words(self) -> str:
-        """Return the message of this error, or of an earlier signal that the program was already obeying."""
+        """Return the message; if two signals stopped the program, the message of the first one."""
         earlier = self.__context__
         while earlier is not None:
             if isinstance(earlier, Stopped) and earlier.left:

@@ -78,7 +78,7 @@ class Findings:
     answers: dict[str, Any]
 
     def routes(self, material: str, section: str) -> list[Route]:
-        """Return the identified laws of a material: those fitted to bending, then those fitted to tensile curves."""
+        """Return the laws fitted to bending (``section``: plane-strain or solid), then those fitted to tension."""
         return [Route.of(stored) for stored in (*self.bending[material, section], *self.tensile[material])]
 
 

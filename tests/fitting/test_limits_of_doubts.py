@@ -1,4 +1,4 @@
-"""Doubts (warnings) and causes are reported from the documented limits on, and no earlier."""
+"""A fit warns, and names an error of the test bench, just above the documented limits and not just below."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Places, lines and scales in the search for a beam agree with calculations by hand."""
+"""Single steps of the search for a beam in a picture agree with calculations by hand."""
 
 from __future__ import annotations
 

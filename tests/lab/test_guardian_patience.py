@@ -382,7 +382,7 @@ def test_a_current_that_the_run_cannot_stop_is_reported_and_left_to_the_guardian
 
 
 class Surroundings:
-    """Replacements for parts of the system; `done` lists the calls of the guardian process in order."""
+    """Replacements for what the guardian (the process that watches a run) calls; `done` lists its calls in order."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, takeover: Takeover | None, ends_with_others: bool) -> None:
         self.done: list[object] = []

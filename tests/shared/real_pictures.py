@@ -52,7 +52,7 @@ class PictureScore:
         return not (self.median <= MEDIAN_PX and self.p95 <= P95_PX)
 
     def silent(self, edges: EdgeSet) -> bool:
-        """Whether edges without a warning are wrong: RMS distance above 3 `traced_px`, the uncertainty of tracing."""
+        """Return whether edges are wrong without a warning: RMS distance from traced edges above 3 `traced_px`."""
         flagged = any(flag.severity is not Severity.NOTE for flag in edges.flags)
         return bool(len(edges.left.points_mm)) and not flagged and self.rms > 3.0 * self.traced_px
 

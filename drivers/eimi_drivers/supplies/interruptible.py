@@ -1,4 +1,4 @@
-"""Call a function before each message to an instrument, which may stop the exchange of messages."""
+"""Call a function before each message to an instrument; the function may stop the exchange of messages."""
 
 from __future__ import annotations
 

@@ -84,7 +84,7 @@ class Strip:
 
     @property
     def length_px(self) -> float:
-        """Length of the strip, px."""
+        """Length of the strip of the picture that contains the beam, px."""
         return self.step_px * (len(self.gain) - 1)
 
 

@@ -154,7 +154,7 @@ class _Edge:
         return 1.0 + self.projected.level[station][:, None] - share, inside
 
     def _slopes(self, curve: SmoothCurve, place: Array, station: NDArray[np.int64], u: Array, blur: float) -> Array:
-        """Return how uneven light changes the weighted sums of the colours on n lines across an edge, shape (n, m).
+        """Return the contribution of uneven light to the grey values on n lines across an edge, shape (n, m).
 
         `u`: distances from the edge at which each line is read, px, shape (m,).
         """

@@ -142,9 +142,8 @@ class DepthEffect:
         return DepthEffect(places, tuple(self.at(place) for place in places), self.by_turn)
 
     def covers(self, places: Array) -> bool:
-        """Return whether all of K load states are at most 10 % outside the range in which the depth effect is known.
+        """Return whether the difference of solid and planar shapes can be interpolated in all of K load states.
 
-        It is the range of a similar law (``base``), scaled to this law, or without ``base`` that of the solved states.
         places: rotation of the tip in rad if ``by_turn`` (an attribute), else load from 0 to 1, in each state, (K,).
         """
         return bool(self.without_base.reaches(places).all())

@@ -304,7 +304,7 @@ def volume_coupling(ops: Operators, ev: Evaluation) -> Array:
 
 
 def predict_stress(ops: Operators, ev: Evaluation, step: Array, pressure_step: Array | None) -> Array:
-    """Return components 11, 22, 12 of the stress after a linear step, (3, E, B, q) in MPa at q points of E elements.
+    """Return the stress (11, 22, 12) after a linear step in E elements, B laws, q points, (3, E, B, q) in MPa.
 
     step, pressure_step: changes of the displacements in mm, (E, B, 2, 9), and of the pressures in MPa, (E, B, 3).
     """

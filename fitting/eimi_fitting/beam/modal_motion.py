@@ -1,4 +1,4 @@
-"""The small vibrations of a beam, computed with the matrices of a few shapes: frequencies and complex rates.
+"""The small vibrations of a beam as sums of a few given modes: frequencies and complex rates.
 
 A vibration v exp(s t) with the shape v and the complex rate s satisfies (r(s) K_m + K_g + s² M) v = 0. K_m is the
 stiffness due to the tangent of the law, K_g the stiffness due to stresses and loads, M the mass matrix, and r the

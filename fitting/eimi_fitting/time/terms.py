@@ -35,7 +35,7 @@ class Terms:
     modulus_Pa : float
         Prior median of the long-term shear modulus.
     free_times : bool
-        Whether the relaxation times are unknown.
+        Whether the relaxation times are fitted; otherwise they stay evenly spaced in ln(time).
     """
 
     count: int

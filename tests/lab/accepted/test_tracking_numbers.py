@@ -1,4 +1,4 @@
-"""Tracked beams in small recordings, quality checks and projections have the accepted numbers."""
+"""The points of tracked beams, and the results of quality checks and of the conversion to grey, are as accepted."""
 
 # If a change is wanted, read the differences before you copy a new description over the accepted one.
 

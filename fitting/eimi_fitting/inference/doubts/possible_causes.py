@@ -108,7 +108,7 @@ class PossibleCause:
 
 
 def by_sources(*parts: Mapping[tuple[str, int], float]) -> Change:
-    """Return a function that adds errors of inputs to the assumptions of a fit.
+    """Return a function that adds an error of the test bench, as errors of one or several inputs, to a fit.
 
     ``parts`` contains one mapping for each component of the bench error: the errors of inputs if this component has the
     size 1. For example, ``{("clamp", 0): 1.0}`` is an error of 1 mm in the x of the clamp.

@@ -187,9 +187,9 @@ def correction(
     Parameters
     ----------
     here : Comparison
-        Residuals of the fast model.
+        Comparison of the fast model with the data, for the fitted parameters.
     compare : callable
-        Simulates experiments with the parameters of ``here``.
+        Function that makes the same comparison for given experiments, which contain their beam models.
     near : sequence of Correction
         Corrections from which the solver of a three-dimensional model starts.
     """
@@ -226,9 +226,9 @@ def by_better_model(
     Parameters
     ----------
     here : Comparison
-        Residuals of the fast model.
+        Comparison of the fast model with the data, for the fitted parameters.
     compare : callable
-        Simulates experiments with the parameters of ``here``.
+        Function that makes the same comparison for given experiments, which contain their beam models.
     near : sequence of Correction
         Corrections from which the solver of a three-dimensional model starts.
 
