@@ -41,7 +41,7 @@ RECOGNISED = b"recognised"  # the constants from ARM on are messages of the run
 
 
 class StoodStill(InstrumentError):
-    """The error that is raised if the run took no step for too long while the coil was on."""
+    """Report that the coil carries a current, but the run has made no progress within the time limit."""
 
 
 @dataclass(frozen=True)

@@ -127,7 +127,7 @@ def bending_strain(fits: Sequence[ShownFit]) -> float | None:
 
 
 def largest_strain(fits: Sequence[ShownFit]) -> float:
-    """Return the strain at which the figure of stress against strain ends."""
+    """Return the largest strain on the axis of the plot of stress against strain."""
     tensile = [s.fit.max_stretch - 1 for s in fits if isinstance(s.fit, TensileRecord)]
     return min(max(tensile), _LARGEST_STRAIN) if tensile else _BENDING_ALONE * (bending_strain(fits) or 0.0)
 

@@ -96,7 +96,7 @@ def noise_mm(shape: tuple[int, ...], of: str, sigma_mm: float = NOISE_MM) -> Arr
 
 
 def twisted(edges: Array, material: HiddenMaterial, fields: Array) -> Array:
-    """Return the edges of a specimen that the field twists about the axis of the beam.
+    """Return the edges of a beam after the field has twisted it about its axis.
 
     Parameters
     ----------

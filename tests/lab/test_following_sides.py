@@ -342,7 +342,7 @@ def test_the_direction_at_the_end_of_an_edge_is_that_of_its_last_points() -> Non
     ],
 )
 def test_an_edge_leads_to_points_near_its_straight_continuation(gap: float, aside: float, leads: bool) -> None:
-    # The points may lie beside the continuation by 0.12 widths, of 20 px, and by a quarter of the gap.
+    # Largest distance from the straight continuation: 0.12 of the width of 20 px, plus a quarter of the gap.
     found = chain(np.column_stack([np.zeros(12), np.arange(12.0)]))
     ahead = np.array([[aside, 11.0 + gap]] * 3)
     assert found.leads_to(ahead, 20.0) is leads

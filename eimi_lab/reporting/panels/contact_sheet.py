@@ -75,9 +75,9 @@ def shown_states(contents: DatasetContents) -> tuple[State, ...]:
 def _thumbnail(
     axes: Axes, contents: DatasetContents, state: State, crop: Crop, corner: tuple[float, float]
 ) -> list[Array]:
-    """Draw the image of a load step as a small picture of width 1, and return the edges in this picture.
+    """Draw a small copy of the image of a load step, and return the coordinates of both edges in the drawing.
 
-    `corner` is the position of its upper left corner. An edge contains n points (x, y), shape (n, 2).
+    `corner` is the position of its upper left corner; its width is 1. Each edge has n points (x, y), shape (n, 2).
     """
     x, y = corner
     size = (_THUMB_PX, max(1, round(_THUMB_PX * crop.height_over_width)))

@@ -119,7 +119,7 @@ def _end_direction(points_mm: Array) -> Array:
 
 
 def _end(points_mm: Array) -> NDArray[np.bool_]:
-    """Return which points of an edge are in its last tenth or among its last three."""
+    """Return True for each point in the last tenth of an edge, and for its last three points."""
     steps = np.hypot(*np.diff(points_mm, axis=0).T)
     along = np.concatenate([[0.0], np.cumsum(steps)])
     return np.asarray(along >= min(along[-1] * (1.0 - END_SHARE), along[-3]))

@@ -54,7 +54,7 @@ class Assumed:
 
     @property
     def setup(self) -> Setup:
-        """The changes of the field strength and of the picture by errors of inputs (``deviations``)."""
+        """The changes of the field strength and of the picture that the errors in ``deviations`` cause."""
         return Setup.of(self.deviations, 1)
 
 

@@ -327,7 +327,7 @@ def _strategy(
 def _runs(
     rng: np.random.Generator, population: int, restarts: int, bipop: bool, done: Sequence[Run]
 ) -> Iterator[tuple[float, int, int]]:
-    """Yield, for each run: first step size, number of points in a generation, and largest number of generations."""
+    """Yield, for each run of CMA-ES: initial step size, population size, and largest number of generations."""
     unlimited = sys.maxsize
     yield _FIRST_STEP, population, unlimited
     large = 0  # evaluations of runs with a large population; the first run counts as a small one
