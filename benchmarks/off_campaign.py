@@ -16,6 +16,7 @@ import signal
 import sys
 import tempfile
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,11 +27,14 @@ from benchmarks.off_faults import (
     FAULTS,
     Fault,
 )
-from benchmarks.spoilt_bench import Supply, Trial, make_bench, wait_until
+from benchmarks.spoilt_bench import LateAnswer, Supply, Trial, make_bench, wait_until
 from eimi_drivers.supplies.off import LEAST_OFF_A as OFF_A
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.dataset.recovery import recover
 from tests.shared.processes import WAIT_AT_MOST_S
+
+STARTS_AT_MOST = 5
+"""Number of times that a trial is started if the emulated supply answers too late before the fault begins."""
 
 
 @dataclass
@@ -58,8 +62,17 @@ class Outcome:
 def attempt(fault: Fault, after_s: float, patience: float) -> Outcome:
     """Run one trial, and return its result.
 
-    The fault comes `after_s` seconds after the full current. `patience` multiplies the time limit, for slow machines.
+    The fault comes `after_s` seconds after the full current. `patience` multiplies the time limit, for slow machines. A
+    trial whose supply answers too late before the fault is repeated, because it tests no fault.
     """
+    for _ in range(STARTS_AT_MOST - 1):
+        with suppress(LateAnswer):
+            return _attempt(fault, after_s, patience)
+    return _attempt(fault, after_s, patience)
+
+
+def _attempt(fault: Fault, after_s: float, patience: float) -> Outcome:
+    """Run one trial. Raises LateAnswer if the supply answers too late before the fault."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         make_bench(folder)
@@ -69,6 +82,7 @@ def attempt(fault: Fault, after_s: float, patience: float) -> Outcome:
         try:
             trial.begin()
             time.sleep(after_s)
+            trial.require_running()
             began = fault.act(trial)
             try:
                 if fault.out_of_reach:

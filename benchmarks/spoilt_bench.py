@@ -33,6 +33,10 @@ STATES = 8
 NAMES = 6000
 
 
+class LateAnswer(RuntimeError):
+    """The emulated supply did not answer in time before the full current was set, because the computer is busy."""
+
+
 class Supply:
     """An emulated supply in a separate process, which reports every change of output, set-point and current.
 
@@ -121,18 +125,33 @@ class Trial:
     arrived_s: list[float] = field(default_factory=list)
 
     def begin(self) -> None:
-        """Start the run, and wait until the full current is set."""
+        """Start the run, and wait until the full current is set.
+
+        Raises LateAnswer or RuntimeError if the run ends before (see `require_running`).
+        """
         self.process = self.start("run.h5", unread=self.unread)
         if not self.unread:
             self._reader = threading.Thread(target=self._read, daemon=True)
             self._reader.start()
         try:
             wait_until(lambda: self.supply.at_full() or self.process.poll() is not None, f"no current of {FULL_A} A")
-            if not self.supply.at_full():
-                raise RuntimeError(f"the run ended before the current was {FULL_A} A")
         except RuntimeError as error:
             raise RuntimeError(f"{error}, and said {self.lines}") from error
+        self.require_running()
         self.guardian = self._find_guardian()
+
+    def require_running(self) -> None:
+        """Raise LateAnswer if the run has ended because an answer of the supply was late.
+
+        Raises RuntimeError if it has ended for another reason.
+        """
+        if self.process.poll() is None:
+            return
+        if not self.unread:
+            self._reader.join(WAIT_AT_MOST_S)
+        is_late = any("no complete answer within" in line for line in self.lines)
+        kind = LateAnswer if is_late else RuntimeError
+        raise kind(f"the run ended before the fault, and said {self.lines}")
 
     def start(self, output: str, unread: bool = False) -> subprocess.Popen[str]:
         """Start a run that writes the dataset `output`; return its process.
