@@ -32,6 +32,7 @@ from eimi_lab.dataset.moving import (
 from eimi_lab.dataset.moving.beam_modes import cantilever_modes, modal_amplitudes_mm, tip_angles_deg
 from eimi_lab.dataset.moving.clicked_line import clicked_calibration, clicked_from_changes, with_measured_axis
 from eimi_lab.dataset.moving.film import Film
+from eimi_lab.dataset.moving.free_motion import FEWEST_FRAMES
 from eimi_lab.dataset.moving.motion_facts import MotionFacts
 from eimi_lab.dataset.moving.recording_checks import LOST, SLOW, flagged_lines, recordings_in_words
 from eimi_lab.dataset.steps import SetPoint
@@ -780,6 +781,202 @@ def test_notes_about_a_film(capsys: pytest.CaptureFixture[str]) -> None:
         notes = capsys.readouterr().err
         assert words in notes
         assert notes.count("note: v.mp4:") == bool(words)
+
+
+class Bench:
+    """Stand-ins for the parts that read a video of numbered frames; `called` lists what each part was given."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, frames: int, coloured: bool, tracked: bool) -> None:
+        shape = (2, 2, 3) if coloured else (2, 2)
+        self.called: dict[str, Any] = {}
+        self.images = [np.full(shape, number, np.uint8) for number in range(frames)]
+        self.stored_s, self.frame_s = 0.5 * np.arange(frames), 0.1 * np.arange(frames)
+        self.middle_px = np.random.default_rng(3).normal(50.0, 1.0, (frames + 2, 12, 2))
+        self.outline = SimpleNamespace(outline_px="outline") if tracked else None
+        self.view = SimpleNamespace(moved_px=9.0, is_possible=True, steadied=lambda image: image + 100)
+        kept = {0: self.images[0], 1: self.images[1], 2: self.images[2]}
+        self.parts = {
+            "looked_through": (self.stored_s, kept),
+            "recorded_times": self.frame_s,
+            "is_coloured": coloured,
+            "choose_projection": "projection",
+            "tracker_from": self.outline,
+            "SteadyView": self.view,
+            "timed_frames": [(image, 0.0) for image in self.images],
+            "with_measured_axis": "corrected",
+            "row_direction": (1.0, 2.0, 3.0),
+            "points_of_film": SimpleNamespace(points_mm="points", rest_mm="rest", time_s="times", sigma_mm="sigmas"),
+            "free_motions": ("first", "second"),
+        }
+        for name, result in self.parts.items():
+            monkeypatch.setattr(filmed_motion, name, self.noted(name, result))
+        monkeypatch.setattr(filmed_motion, "follow_film", self.follow)
+        monkeypatch.setattr(filmed_motion, "camera_grey", lambda image: image + 10)
+
+    def noted(self, name: str, result: Any) -> Any:
+        return lambda *given: self.called.update({name: given}) or result
+
+    def follow(self, images: Any, *given: Any) -> Film:
+        self.called["follow_film"] = ([int(image.flat[0]) for image in images], *given)
+        left = self.middle_px - 1.0
+        return Film(np.arange(12.0), self.middle_px, left, left + 2.0)
+
+
+CLICKED = calibration_of([(0.0, 0.0), (90.0, 0.0)])
+
+
+@pytest.mark.parametrize("coloured", [False, True])
+@pytest.mark.parametrize("tracked", [False, True])
+def test_each_step_of_a_video_gets_the_results_of_the_steps_before(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], coloured: bool, tracked: bool
+) -> None:
+    bench = Bench(monkeypatch, 8, coloured, tracked)
+    facts = MotionFacts(kind="ring_down", rate_Hz=50.0, row_time_s=0.25)
+    path = Path("v.mp4")
+    found = filmed_motion.read_video_motions(path, CLICKED, SPECIMEN, facts)
+    assert (found.motions, found.calibration) == (("first", "second"), CLICKED)
+    called = bench.called
+    assert called["looked_through"] == (path, 8)
+    assert called["recorded_times"] == (path, bench.stored_s, 50.0)
+    grey = 0 if coloured else 10
+    projection = "projection" if coloured else None
+    if coloured:
+        (reference,), *more = called["choose_projection"]
+        assert (int(reference.flat[0]), more) == (1, [CLICKED, 3.0, 30.0])
+    image, *more = called["tracker_from"]
+    assert (int(image.flat[0]), more) == (1 + grey, [CLICKED, SPECIMEN, projection])
+    steadied = 100 if tracked else 0
+    images, *more = called["follow_film"]
+    assert images == [number + grey + steadied for number in range(8)]
+    assert more == [CLICKED, SPECIMEN, "v.mp4", projection, bench.outline]
+    if tracked:
+        assert (called["SteadyView"][0].flat[0], called["SteadyView"][1]) == (1 + grey, "outline")
+    assert ("SteadyView" in called) == tracked
+    film_given, *more = called["points_of_film"]
+    assert (more[0], more[2:]) == (CLICKED, [0.25, (1.0, 2.0, 3.0)])
+    np.testing.assert_array_equal(more[1], bench.frame_s)
+    np.testing.assert_array_equal(film_given.along_mm, np.arange(12.0))
+    np.testing.assert_array_equal(film_given.middle_px, bench.middle_px[:8])
+    np.testing.assert_array_equal(film_given.left_px, bench.middle_px[:8] - 1.0)
+    np.testing.assert_array_equal(film_given.right_px, bench.middle_px[:8] + 1.0)
+    assert called["free_motions"] == ("points", "rest", "times", "sigmas", facts, "v.mp4")
+    assert "with_measured_axis" not in called
+    note = "eimi: note: v.mp4: the camera moved by up to 9.0 px; this movement was removed from the frames\n"
+    assert capsys.readouterr().err == (note if tracked else "")
+
+
+@pytest.mark.parametrize(("hanging_N", "hangs"), [(0.0, False), (0.01, True)])
+def test_clicked_points_are_corrected_by_the_last_quarter_of_a_video(
+    monkeypatch: pytest.MonkeyPatch, hanging_N: float, hangs: bool
+) -> None:
+    # Of the first 8 positions, the last 8 // 4 + 1 = 3 count; a point that was seen once has that place.
+    bench = Bench(monkeypatch, 8, True, True)
+    bench.middle_px[5:7, 4] = NAN
+    bench.middle_px[5:8, 6] = NAN
+    facts = MotionFacts(kind="ring_down", hanging_N=hanging_N)
+    found = filmed_motion.read_video_motions(Path("v.mp4"), CLICKED, SPECIMEN, facts, is_clicked=True)
+    assert found.calibration == "corrected"
+    calibration, rest_px, along_mm, has_tip_load = bench.called["with_measured_axis"]
+    assert (calibration, has_tip_load) == (CLICKED, hangs)
+    np.testing.assert_array_equal(along_mm, np.arange(12.0))
+    expected = np.median(bench.middle_px[5:8], axis=0)
+    expected[4] = bench.middle_px[7, 4]
+    np.testing.assert_allclose(rest_px, expected)
+    assert np.isnan(rest_px).sum() == 2
+    assert bench.called["points_of_film"][1] == "corrected"
+
+
+def test_a_video_that_ends_early_has_the_times_of_its_frames(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = Bench(monkeypatch, 9, True, True)
+    bench.middle_px = bench.middle_px[:7]
+    filmed_motion.read_video_motions(Path("v.mp4"), CLICKED, SPECIMEN, MotionFacts(kind="creep"))
+    film_given, _, frame_s, *_ = bench.called["points_of_film"]
+    assert len(film_given.middle_px) == len(film_given.left_px) == len(film_given.right_px) == 7
+    np.testing.assert_array_equal(frame_s, bench.frame_s[:7])
+
+
+def test_a_video_has_at_least_8_frames(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert FEWEST_FRAMES == 8
+    Bench(monkeypatch, 7, True, True)
+    with pytest.raises(InputError, match=r"^v\.mp4: has 7 frames; a motion needs at least 8 frames$"):
+        filmed_motion.read_video_motions(Path("v.mp4"), CLICKED, SPECIMEN, MotionFacts(kind="creep"))
+
+
+def test_the_frame_at_rest_is_the_second_last_that_was_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = Bench(monkeypatch, 8, True, True)
+    assert filmed_motion.frame_at_rest(Path("v.mp4")) is bench.images[1]
+    assert bench.called["looked_through"] == (Path("v.mp4"), 8)
+
+
+def test_the_colours_of_a_film_are_chosen_once_in_its_first_frame(monkeypatch: pytest.MonkeyPatch) -> None:
+    chosen: list[Any] = []
+    searched: list[Any] = []
+
+    def choose(images: Any, *given: Any) -> str:
+        chosen.append((len(images), images[0][0, 0, 0], *given))
+        return "projection"
+
+    def search(image: Array, *given: Any) -> Any:
+        searched.append(given)
+        return Following({1, 2}) if image.flat[0] else None
+
+    monkeypatch.setattr(film, "choose_projection", choose)
+    monkeypatch.setattr(film, "tracker_from", search)
+    coloured = [np.full((2, 2, 3), float(number)) for number in range(8)]
+    monkeypatch.setattr(Following, "follow", lambda self, image: None)
+    film.follow_film(coloured, CLICKED, SPECIMEN, "v")
+    assert chosen == [(1, 0.0, CLICKED, 3.0, 30.0)]
+    assert searched == [(CLICKED, SPECIMEN, "projection")] * 2
+    chosen.clear()
+    searched.clear()
+    film.follow_film([image[..., 0] for image in coloured], CLICKED, SPECIMEN, "v")
+    film.follow_film(coloured, CLICKED, SPECIMEN, "v", "given")  # type: ignore[arg-type]
+    assert chosen == []
+    assert searched == [(CLICKED, SPECIMEN, None)] * 2 + [(CLICKED, SPECIMEN, "given")] * 2
+
+
+@pytest.mark.parametrize("in_region", [False, True])
+def test_the_beam_of_a_film_is_searched_in_the_region_of_the_calibration(
+    monkeypatch: pytest.MonkeyPatch, in_region: bool
+) -> None:
+    region = SimpleNamespace(
+        cut=lambda image: "cut", calibration="of the region", in_picture=lambda edges: ["moved", edges]
+    )
+    asked: list[Any] = []
+    monkeypatch.setattr(film, "region_of", lambda *given: asked.append(given) or (region if in_region else None))
+    monkeypatch.setattr(film, "find_edges", lambda *given, projection: (*given, projection))
+    image = np.zeros((3, 4))
+    found = film._edges(image, CLICKED, SPECIMEN, "projection")  # type: ignore[arg-type]
+    assert asked == [(CLICKED, (3, 4))]
+    if in_region:
+        assert found == ["moved", ("cut", "of the region", SPECIMEN, "projection")]
+    else:
+        assert found == (image, CLICKED, SPECIMEN, "projection")
+
+
+@pytest.mark.parametrize(("farthest_mm", "follows"), [(14.9, False), (15.0, True)])
+def test_half_the_beam_must_be_seen_to_follow_it(
+    monkeypatch: pytest.MonkeyPatch, farthest_mm: float, follows: bool
+) -> None:
+    # The beam is 30 mm long; its farthest point is at (0.6, 0.8) of the distance.
+    found = SimpleNamespace(middle_mm=np.array([[0.0, 0.0], [0.6 * farthest_mm, 0.8 * farthest_mm], [1.0, 0.0]]))
+    monkeypatch.setattr(film, "_edges", lambda *given: found)
+    monkeypatch.setattr(film, "BeamTracker", lambda *given: given)
+    image = np.zeros((3, 4))
+    tracker: Any = film.tracker_from(image, CLICKED, SPECIMEN, None)
+    assert (tracker is not None) == follows
+    if follows:
+        picture, edges, frame, length_mm, projection = tracker
+        assert (picture is image, edges, length_mm, projection) == (True, found, 30.0, None)
+        assert isinstance(frame, film.BeamFrame)
+
+    def refuse(*given: Any) -> None:
+        raise ValueError("another body")
+
+    monkeypatch.setattr(film, "BeamTracker", refuse)
+    assert film.tracker_from(image, CLICKED, SPECIMEN, None) is None
+    found.middle_mm = np.zeros((0, 2))
+    assert film.tracker_from(image, CLICKED, SPECIMEN, None) is None
 
 
 # Times of a video

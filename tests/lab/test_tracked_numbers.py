@@ -347,6 +347,34 @@ def test_the_reader_of_markers_has_limits(monkeypatch: pytest.MonkeyPatch, tmp_p
     refused(lambda: c3d.read_c3d(path), r"C3D needs another package: pip install 'eimi-lab\[c3d\]'")
 
 
+def test_the_process_that_reads_markers_prints_them_or_its_problem(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsysbinary: pytest.CaptureFixture[bytes]
+) -> None:
+    path = tmp_path / "run.c3d"
+    path.write_bytes(b"x" * 10)
+    limits: list[Any] = []
+    monkeypatch.setattr(c3d, "obey_processor_limit", limits.append)
+    monkeypatch.setattr(c3d, "bound_memory", limits.append)
+    monkeypatch.setattr(c3d, "read_in_this_process", lambda given: f"tracks of {given.name}")
+    c3d._main(path, "12.5")
+    assert limits == ["12.5", 10]
+    assert pickle.loads(capsysbinary.readouterr().out) == "tracks of run.c3d"
+    for error, words in (
+        (MemoryError(), f"{path}: is damaged or too large: it needs more than a quarter of the free memory, or more "
+                        "memory than 64 times the size of the file"),
+        (InputError(f"{path}: holds no markers"), f"{path}: holds no markers"),
+    ):  # fmt: skip
+
+        def fail(given: Path, error: Exception = error) -> None:
+            raise error
+
+        monkeypatch.setattr(c3d, "read_in_this_process", fail)
+        with pytest.raises(SystemExit) as caught:
+            c3d._main(path, "12.5")
+        assert caught.value.code == words
+        assert capsysbinary.readouterr().out == b""
+
+
 # Units and axes
 
 
@@ -473,6 +501,42 @@ def test_a_point_must_be_seen_in_a_frame_that_is_used() -> None:
         lambda: tracked_states.points_on_beam(placed_points([[NAN, 0]]), [0], beam(), Path("t")),
         "no point was seen at rest",
     )
+
+
+def test_pictures_have_the_scale_and_the_axes_of_their_calibration() -> None:
+    # At 8 px/mm, with the beam down from (50, 40) px, the pixel (58, 64) is 3 mm along the beam and 1 mm beside it.
+    pictures = Calibration(
+        pixels_per_mm=8.0, clamp_midpoint_px=(50.0, 40.0), axis_angle_deg=90.0, gravity_angle_deg=90.0
+    )
+    in_pixels = tracks_of([[[58, 64]], [[50, 40]]], image_axes=True)
+    placed = place(in_pixels, Placing(calibration=pictures, rest=11, sigma=2.0), "t")
+    same(np.abs(placed.places_mm), [[[3, 1]], [[0, 0]]])
+    same(placed.rest_mm, [[0, 0]])
+    same(placed.sigma_mm, np.full((2, 1), 0.25))
+    for tracks, options, words in (
+        (tracks_of(PLAIN), {}, "t: the positions in this file are not pixels of a picture; give --unit, --clamp and"),
+        (in_pixels, {"unit": "mm"}, "t: the positions in this file are not pixels of a picture"),
+        (in_pixels, {"pixels_per_mm": 8.0}, "--pixels-per-mm: the calibration contains the scale already; give either"),
+    ):
+        given = Placing(calibration=pictures, rest=11, sigma=2.0, **options)  # type: ignore[arg-type]
+        refused(lambda tracks=tracks, given=given: place(tracks, given, "t"), words)
+    with_unit = Placing(calibration=pictures, rest=11, sigma=2.0, unit="px")
+    same(place(in_pixels, with_unit, "t").sigma_mm, np.full((2, 1), 0.25))
+
+
+def test_the_points_of_a_state_are_those_that_its_frame_shows(tmp_path: Path) -> None:
+    places = [[[1, 0], [2, 0], [3, 0]], [[1, 4], [NAN, 0], [3, 6]], [[NAN, 0]] * 3]
+    placed = placed_points([[1, 0], [2, 0], [3, 0]], places)
+    placed.sigma_mm[1, 0] = NAN
+    row = Row(Path("states.csv"), 4, {})
+    found = tracked_states._points_of(placed, 1, np.array([0, 1, 2]), row, Path("t"))
+    assert found.names == ("p2",)
+    same(found.rest_mm, [[3, 0]])
+    same(found.points_mm, [[3, 6]])
+    same(found.sigma_mm, [0.1])
+    words = r"^states\.csv: row 4: t has no point of the beam in this frame; list another frame$"
+    refused(lambda: tracked_states._points_of(placed, 2, np.array([0, 1, 2]), row, Path("t")), words)
+    refused(lambda: tracked_states._points_of(placed, 1, np.array([0, 1]), row, Path("t")), words)
 
 
 @pytest.mark.parametrize(("count", "used"), [(300, 300), (301, 300), (899, 300)])
