@@ -212,6 +212,17 @@ def test_visible_files_are_gathered_below_the_name_of_their_folder(tmp_path: Pat
         gather([tmp_path / "nothing"])
 
 
+def test_a_file_that_cannot_be_read_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*given: object) -> None:
+        raise OSError(5, "Input/output error")
+
+    path = tmp_path / "notes.txt"
+    path.write_text("notes")
+    monkeypatch.setattr(contents.hashlib, "file_digest", fail)
+    with pytest.raises(InputError, match=r"notes\.txt: cannot be read \(Input/output error\)$"):
+        list(contents._described(path, PurePosixPath("notes.txt")))
+
+
 def test_a_file_of_results_is_described_by_its_models(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     source = tmp_path / "fits.JSON"
     source.write_text("{}")

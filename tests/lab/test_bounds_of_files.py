@@ -760,7 +760,11 @@ def test_a_key_has_at_most_1001_parts(dots: int, fits: bool) -> None:
                 toml.parse_table(line, "x.toml")
 
 
-def test_faults_of_text_files_are_named(tmp_path: Path) -> None:
+def denied(*_: Any, **__: Any) -> Any:
+    raise PermissionError("denied")
+
+
+def test_faults_of_text_files_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "a.toml"
     for content, words in (
         (b"x = 1,5\ny = 2\n", r"a\.toml: is not valid TOML: .*; line 1: x = 1,5 has a decimal comma; write 1\.5$"),
@@ -779,7 +783,10 @@ def test_faults_of_text_files_are_named(tmp_path: Path) -> None:
     assert toml.is_dataset(path)
     path.write_bytes(b"\x89HDF\r\n\x1a")
     assert not toml.is_dataset(path)
-    assert not toml.is_dataset(tmp_path)
+    assert toml.is_dataset(tmp_path) is False
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "open", denied)
+        assert toml.is_dataset(path) is False
     with pytest.raises(InputError, match="is a folder, a device or a pipe, not a file"):
         read_text(tmp_path)
     with pytest.raises(InputError, match=r"b\.toml: cannot be read \(No such file"):
@@ -810,6 +817,8 @@ FAULTS = [
     ("[current]\nvalues_A = 3", r"current\.values_A = 3 should be a list in square brackets"),
     ("creep = 'x'", r"creep = 'x' should be a valid boolean"),
     ("frames_per_state = true", r"frames_per_state = true should be a valid integer"),
+    ("[material]\nx = 1", r"material = a table should be a valid string"),
+    ("current = 'x'", r"current = 'x' should be"),
 ]
 
 
@@ -818,7 +827,7 @@ def test_the_fault_of_a_protocol_is_one_line(line: str, words: str) -> None:
     protocol = read_text(locate("dragon_skin_10"))
     table = toml.tomllib.loads(protocol)
     for key, value in toml.tomllib.loads(line).items():
-        table[key] = table[key] | value if isinstance(value, dict) and key in table else value
+        table[key] = table[key] | value if isinstance(value, dict) and isinstance(table.get(key), dict) else value
     with pytest.raises(InputError, match=f"^p: {words}") as caught:
         toml.check(Protocol, table, "", "p")
     assert "\n" not in str(caught.value)

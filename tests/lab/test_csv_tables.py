@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -26,6 +28,15 @@ def test_any_table_is_read_or_refused_in_one_line(
         numbers, message = [], str(error)
     assert np.isfinite(numbers).all()
     assert message.startswith(str(path)) or numbers
+
+
+def test_a_cell_that_is_too_long_is_refused_with_its_row(tmp_path: Path) -> None:
+    path = tmp_path / "states.csv"
+    path.write_text("current_A\n1\n" + "2" * 131_073 + "\n")
+    with pytest.raises(
+        InputError, match=r"states\.csv: row 3: is not CSV \(field larger than field limit \(131072\)\)$"
+    ):
+        read_table(path, ["current_A"])
 
 
 @given(numbers=st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=1, max_size=20))

@@ -69,6 +69,7 @@ def shown(frame: Frame) -> tuple[int, int]:
 def test_a_recording_is_played_frame_by_frame_to_its_end(opened: list[Pictures]) -> None:
     camera = played(opened, picture_a_state=False, loop=False)
     camera.flush()
+    assert camera.settings is NO_SETTINGS
     assert [shown(camera.grab(wait_s)) for wait_s in (0.5, 1.0, 2.0)] == [(1, 1), (2, 2), (3, 3)]
     with pytest.raises(EndOfPlayback):
         camera.grab(4.0)

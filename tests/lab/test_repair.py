@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -176,6 +177,145 @@ def test_a_flipped_bit_in_the_names_of_a_heap_is_flipped_back(
     assert metadata._mend_heap(file, 0) == (wrong in ("name", "checksum"))
     assert (file.bytes_at(0, len(sound)) == sound) == (wrong != "two bits")
     file.close()
+
+
+class Bytes:
+    """A file in memory."""
+
+    def __init__(self, content: bytes) -> None:
+        self.content = content
+
+    def bytes_at(self, at: int, length: int) -> bytes:
+        return self.content[at : at + length]
+
+
+def message(kind: int, body: bytes) -> bytes:
+    return bytes([kind]) + len(body).to_bytes(2, "little") + b"\0" + body
+
+
+def pointer(address: int, length: int) -> bytes:
+    """Return the message of a header that names a block which continues it."""
+    return message(0x10, address.to_bytes(8, "little") + length.to_bytes(8, "little"))
+
+
+def test_each_block_that_continues_a_header_is_mended_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    # The header names the blocks at 100 and 200; the block at 100 names that at 300, which names that at 100 again.
+    head = pointer(100, 30) + pointer(200, 30)
+    header = b"OHDR" + bytes([2, 0, len(head)]) + head + b"sums"
+    content = bytearray(400)
+    content[: len(header)] = header
+    content[100:130] = b"OCHK" + pointer(300, 29) + b"x" * 2 + b"sums"
+    content[200:230] = b"OCHK" + pointer(350, 29) + b"x" * 2 + b"sums"
+    content[300:329] = b"OCHK" + pointer(100, 30) + b"x" + b"sums"
+    asked: list[tuple[int, int]] = []
+    outcome = {100: True, 200: False, 300: None}
+    monkeypatch.setattr(metadata, "is_sound", lambda file, at, length: length == len(header))
+    monkeypatch.setattr(metadata, "mend_block", lambda file, at, length: asked.append((at, length)) or outcome[at])
+    assert metadata._mend_header(Bytes(bytes(content)), 0) == 1  # type: ignore[arg-type]
+    assert sorted(asked) == [(100, 30), (200, 30), (300, 29)]
+    outcome[300] = True
+    assert metadata._mend_header(Bytes(bytes(content)), 0) == 2  # type: ignore[arg-type]
+
+
+def test_a_header_without_a_right_checksum_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[int] = []
+    monkeypatch.setattr(metadata, "is_sound", lambda file, at, length: asked.append(length))
+    monkeypatch.setattr(metadata, "mend_block", lambda file, at, length: asked.append(length))
+    header = b"OHDR" + bytes([2, 0, 40]) + bytes(60)
+    assert metadata._mend_header(Bytes(header), 0) == 0  # type: ignore[arg-type]
+    # A flip in the length 40 gives 41, 42, 44, 32, 56, 8, 104 or 168; a flip in the flags gives a length of 4 bytes, or
+    # a place of the length behind two numbers or behind four times.
+    assert asked[: len(asked) // 2] == asked[len(asked) // 2 :] == sorted(set(asked))
+    assert {51, 52, 53, 55, 43, 67, 19, 115, 179} <= set(asked)
+    assert {54, 15, 27} <= set(asked)
+    assert 0 in asked
+
+
+@pytest.mark.parametrize(
+    ("sound", "mended", "outcome"), [([30], [20], (0, 30)), ([], [20, 30], (1, 20)), ([], [], (0, 0))]
+)
+def test_a_sound_length_is_preferred_to_a_mended_one(
+    monkeypatch: pytest.MonkeyPatch, sound: list[int], mended: list[int], outcome: tuple[int, int]
+) -> None:
+    monkeypatch.setattr(metadata, "is_sound", lambda file, at, length: length in sound)
+    monkeypatch.setattr(metadata, "mend_block", lambda file, at, length: length in mended)
+    assert metadata._mend_any(Bytes(b""), 5, [20, 30]) == outcome  # type: ignore[arg-type]
+
+
+def heap(names: bytes, *, flags: int = 2, length: int | None = None, bits: int = 17) -> tuple[bytearray, int]:
+    """Return a file with the header of a heap at 0 and a block of names at 200, and the place of the checksum.
+
+    HDF5 File Format Specification 3.0, III.G: the size of the block is in bytes 112 to 119, and the number of bits of
+    an address in the heap is in byte 128; the checksum is behind the signature, a version (1 byte), an address (8
+    bytes) and the offset of the block.
+    """
+    header = bytearray(146)
+    place = 13 + -(-bits // 8)
+    block = bytearray(b"FHDB\0" + bytes(8) + bytes(place - 13) + bytes(4) + names)
+    header[9], header[128] = flags, bits
+    header[112:120] = (len(block) if length is None else length).to_bytes(8, "little")
+    block[place : place + 4] = lookup3(bytes(block)).to_bytes(4, "little")
+    return bytearray(header + bytes(54) + block), 200 + place
+
+
+@pytest.mark.parametrize("bits", [16, 17, 24, 25])
+def test_the_checksum_of_names_is_behind_the_offset_of_their_block(tmp_path: Path, bits: int) -> None:
+    sound, place = heap(b"abcdefgh", bits=bits)
+    for flip, count in ((None, 0), (8 * place + 5, 1), (8 * (place + 3) + 7, 1), (8 * (place + 6) + 2, 1)):
+        raw = bytearray(sound)
+        if flip is not None:
+            raw[flip // 8] ^= 1 << flip % 8
+        path = tmp_path / "heap"
+        path.write_bytes(raw)
+        file = MendedFile(path)
+        assert metadata._mend_signed(file, 200, b"FHDB") == count
+        assert file.bytes_at(0, file.size) == bytes(sound)
+        file.close()
+
+
+@pytest.mark.parametrize("change", [{"flags": 0}, {"flags": 1}, {"length": 25}, {"length": 20}, {"length": 1 << 20}])
+def test_names_without_a_checksum_or_with_a_wrong_length_are_left_alone(tmp_path: Path, change: dict[str, int]) -> None:
+    raw, place = heap(b"abcdefgh", **change)
+    raw[place + 5] ^= 1
+    path = tmp_path / "heap"
+    path.write_bytes(raw)
+    file = MendedFile(path)
+    assert metadata._mend_signed(file, 200, b"FHDB") == 0
+    assert file.bytes_at(0, file.size) == bytes(raw)
+    file.close()
+
+
+@pytest.mark.parametrize(
+    ("signature", "lengths"), [(b"EAHD", [72]), (b"FRHP", [146]), (b"BTHD", [38]), (b"BTLF", list(range(21, 517, 11)))]
+)
+def test_blocks_of_a_fixed_kind_have_their_lengths(signature: bytes, lengths: list[int]) -> None:
+    assert metadata._block_lengths(Bytes(b""), 0, signature) == lengths  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("broken", [9, 10, None])
+def test_blocks_of_an_array_without_a_readable_header_have_no_length(broken: int | None) -> None:
+    # EAIB at 0 points to the header at 14, whose bytes 6 to 10 are not 0; without `broken`, its last byte is missing.
+    sizes = bytes([8, 32, 4, 16, 4])
+    content = bytearray(b"EAIB" + bytes(2) + (14).to_bytes(8, "little") + bytes(6) + sizes + bytes(61))
+    assert len(content) == 14 + 72
+    assert metadata._block_lengths(Bytes(bytes(content)), 0, b"EAIB")  # type: ignore[arg-type]
+    if broken is None:
+        del content[-1]
+    else:
+        content[14 + broken] = 0
+    assert metadata._block_lengths(Bytes(bytes(content)), 0, b"EAIB") == []  # type: ignore[arg-type]
+
+
+def test_the_blocks_of_an_extensible_array_have_the_lengths_of_the_specification() -> None:
+    # HDF5 File Format Specification 3.0, VII.D: elements of 8 bytes, 32 bits for their number, 4 elements in the index
+    # block, at least 16 elements in a data block, at least 4 data block pointers in a secondary block.
+    content = b"EAIB" + bytes(2) + (14).to_bytes(8, "little") + bytes(6) + bytes([8, 32, 4, 16, 4]) + bytes(61)
+    # 1 + 32 - 4 = 29 secondary blocks; the first 2 log2 4 = 4 have their 2 (4 - 1) = 6 data blocks in the index block.
+    expected = 14 + 4 * 8 + 8 * 6 + 8 * (29 - 4) + 4
+    assert metadata._block_lengths(Bytes(content), 0, b"EAIB") == [expected]  # type: ignore[arg-type]
+    content = b"EADB" + content[4:]
+    expected_data = [14 + 4 + 8 * 16 * 2**doubled + 4 for doubled in range(8)]
+    assert metadata._block_lengths(Bytes(content), 0, b"EADB") == expected_data  # type: ignore[arg-type]
 
 
 def test_a_mended_file_is_read_from_its_beginning(tmp_path: Path) -> None:
@@ -412,6 +552,141 @@ def test_rows_of_a_state_that_was_not_stored_completely_are_left_out(finished: P
     with h5py.File(finished.with_name("copy.h5")) as file:
         assert len(file["entry/data/frames"]) == len(file["entry/data/time"]) == 4
         assert len(file["entry/states/flags"]) == 2
+
+
+class Broken:
+    """A group of HDF5 of which some members, or the attributes, cannot be read."""
+
+    def __init__(self, group: h5py.Group, *broken: str) -> None:
+        self.group, self.broken, self.name, self.id = group, broken, group.name, group.id
+
+    def __iter__(self) -> Any:
+        return iter(self.group)
+
+    def get(self, name: str, getlink: bool) -> Any:
+        return self.group.get(name, getlink=getlink)
+
+    def __getitem__(self, name: str) -> Any:
+        if name in self.broken:
+            raise KeyError("wrong checksum")
+        return self.group[name]
+
+    @property
+    def attrs(self) -> Any:
+        if "attributes" in self.broken:
+            raise OSError("wrong checksum")
+        return self.group.attrs
+
+
+@pytest.fixture
+def two_groups() -> Iterator[tuple[h5py.Group, h5py.Group]]:
+    with h5py.File("memory.h5", "w", driver="core", backing_store=False) as file:
+        source, copy = file.create_group("source"), file.create_group("copy")
+        source.attrs["units"] = "mm"
+        source["a"], source["b"], source["c/d"] = [1, 2], [3], [4]
+        source["e"], source["c/f"] = source["a"], source["c"]
+        yield source, copy
+
+
+def test_a_group_is_copied_with_its_attributes_and_further_names(two_groups: tuple[h5py.Group, h5py.Group]) -> None:
+    source, copy = two_groups
+    lost: list[str] = []
+    recovery._copy_group(source, copy, lost, {h5py.h5o.get_info(source.id).addr: "/copy"})
+    assert lost == []
+    assert dict(copy.attrs) == {"units": "mm"}
+    assert [copy[name][()].tolist() for name in ("a", "b", "c/d", "e")] == [[1, 2], [3], [4], [1, 2]]
+    for one, other in (("a", "e"), ("c", "c/f")):
+        assert h5py.h5o.get_info(copy[one].id).addr == h5py.h5o.get_info(copy[other].id).addr
+    assert h5py.h5o.get_info(copy["a"].id).addr != h5py.h5o.get_info(source["a"].id).addr
+
+
+def test_a_member_that_cannot_be_read_is_left_out_and_named(two_groups: tuple[h5py.Group, h5py.Group]) -> None:
+    source, copy = two_groups
+    lost: list[str] = []
+    recovery._copy_group(Broken(source, "a", "attributes"), copy, lost, {})  # type: ignore[arg-type]
+    assert lost == ["attributes of /source", "/source/a"]
+    assert sorted(copy) == ["b", "c", "e"]
+    assert dict(copy.attrs) == {}
+
+
+def test_a_member_that_is_copied_in_part_is_left_out(
+    two_groups: tuple[h5py.Group, h5py.Group], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source, copy = two_groups
+
+    def copy_in_part(of: Any, name: bytes, to: Any, as_name: bytes) -> None:
+        h5py.h5g.create(to, as_name)
+        raise RuntimeError("wrong checksum")
+
+    monkeypatch.setattr(recovery.h5py.h5o, "copy", copy_in_part)
+    lost: list[str] = []
+    recovery._copy_group(source, copy, lost, {})
+    assert lost == ["/source/a", "/source/b", "/source/c/d", "/source/e"]
+    assert list(copy) == ["c"]
+    assert list(copy["c"]) == ["f"]
+
+
+@pytest.mark.parametrize("missing", ["data/frames", "states"])
+def test_columns_are_rebuilt_only_from_frames_and_for_states(finished: Path, missing: str) -> None:
+    with h5py.File(finished, "r+") as file:
+        entry = file["entry"]
+        del entry["states/current"]
+        del entry[missing]
+        assert recovery._rebuild_states(entry) == []
+        assert "states/current" not in entry
+
+
+def test_each_column_of_the_states_is_rebuilt_from_the_frames(finished: Path) -> None:
+    names = ["current", "field", "tip_force", "flags", "index"]
+    with h5py.File(finished, "r+") as file:
+        entry = file["entry"]
+        assert recovery._rebuild_states(entry) == []
+        before = {name: entry["states"][name][()] for name in names}
+        kinds = {name: (entry["states"][name].dtype, entry["states"][name].maxshape) for name in names}
+        for name in names:
+            del entry["states"][name]
+        assert sorted(recovery._rebuild_states(entry)) == [
+            f"entry/states/{name} (rebuilt from the frames)" for name in sorted(names)
+        ]
+        for name in names:
+            expected = np.zeros(3) if name == "tip_force" else before[name]
+            np.testing.assert_array_equal(entry["states"][name][()], expected)
+            assert (entry["states"][name].dtype, entry["states"][name].maxshape) == kinds[name]
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (
+            MemoryError(),
+            r"run\.h5: cannot be read with the memory that `eimi recover` may use; use a computer with more",
+        ),
+        (OSError("own"), "^own$"),
+    ],
+)
+def test_too_little_memory_is_named_and_an_own_error_is_passed_on(
+    finished: Path, monkeypatch: pytest.MonkeyPatch, error: Exception, words: str
+) -> None:
+    def fail(*given: Any) -> None:
+        raise error
+
+    monkeypatch.setattr(recovery, "_copy", fail)
+    kind = InputError if isinstance(error, MemoryError) else OSError
+    with pytest.raises(kind, match=words):
+        recovery._attempt(MendedFile(finished), finished, finished.with_name("copy.h5"))
+
+
+def test_points_without_frames_are_read_before_they_count_as_recovered(
+    finished: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read: list[str] = []
+    monkeypatch.setattr(recovery.Dataset, "points", lambda self: read.append(self._if_damaged))
+    with h5py.File(finished, "r+") as file:
+        del file["entry/data/frames"]
+        del file["entry/instrument/detector"]
+    states, _ = recovery.copy_readable(finished, finished.with_name("copy.h5"))
+    assert states == 3
+    assert read == ["the part of the file that can be read is not a dataset"]
 
 
 def test_links_and_other_files_are_left_out_and_named(finished: Path) -> None:

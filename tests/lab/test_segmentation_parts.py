@@ -59,6 +59,19 @@ def test_stored_edges_are_returned_and_missing_edges_are_found(monkeypatch: pyte
     assert [one.name for one in segmentation.edges_of_state(dataset, 0).flags] == ["A", "projection 0"]
 
 
+def test_a_worker_opens_a_dataset_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    opened: list[Any] = []
+    monkeypatch.setattr(segmentation, "open_dataset", lambda path: opened.append(path) or f"opened {path}")
+    monkeypatch.setattr(segmentation, "Frames", lambda dataset: [dataset])
+    segmentation._frames_of.cache_clear()
+    one, other = Path("one.h5"), Path("other.h5")
+    assert segmentation._frames_of(one) is segmentation._frames_of(one)
+    assert segmentation._frames_of(other) == ["opened other.h5"]
+    segmentation._frames_of(one)
+    assert opened == [one, other, one]
+    segmentation._frames_of.cache_clear()
+
+
 def test_points_without_pictures_have_no_frames() -> None:
     with pytest.raises(InputError, match=r"^run\.h5: holds tracked points, which have no images$"):
         segmentation.Frames(SimpleNamespace(calibration=None, path="run.h5"))  # type: ignore[arg-type]

@@ -72,6 +72,17 @@ def test_a_thermometer_of_the_coil_uses_no_more_than_the_stricter_limit(setup: A
         check(limit_A + 0.01)
 
 
+def test_a_weight_at_the_tip_of_a_virtual_beam_is_refused(setup: Any) -> None:
+    loaded = setup.protocol.model_copy(update={"tip_force_N": 0.25})
+    check_request(loaded, setup.specimen, setup.rig)
+    virtual = setup.rig.model_copy(update={"virtual": "a table"})
+    check_request(setup.protocol, setup.specimen, virtual)
+    with pytest.raises(
+        InputError, match=r"^protocol short: tip_force_N = 0\.25, but a virtual beam has no weight at its"
+    ):
+        check_request(loaded, setup.specimen, virtual)
+
+
 def test_a_coil_as_thermometer_is_measured_once_its_current_is_reached() -> None:
     steps: list[Any] = []
     clock = SimulatedClock()

@@ -29,6 +29,7 @@ from eimi_lab.dataset import (
     listing,
     lost_name,
     neighbouring_states,
+    reading,
     recordings,
     restating,
     rewriting,
@@ -39,6 +40,8 @@ from eimi_lab.dataset import (
 from eimi_lab.dataset.frame_chunk import append_image
 from eimi_lab.dataset.frame_stream import FrameStream
 from eimi_lab.dataset.layout import (
+    FORMAT,
+    FORMAT_ATTRIBUTE,
     FRAME_COLUMNS,
     START_ATTRIBUTE,
     STATE_COLUMNS,
@@ -77,7 +80,7 @@ from eimi_lab.dataset.steps import (
 )
 from eimi_lab.dataset.storage_failure import StorageFailed
 from eimi_lab.dataset.stored_states import mean_by_state, read_states
-from eimi_lab.dataset.tip_force_angles import tip_force_angles, write_tip_force_angles
+from eimi_lab.dataset.tip_force_angles import store_tip_force_angles, tip_force_angles, write_tip_force_angles
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.writer_lock import is_being_written
 from eimi_lab.vision.check import Flag, Severity
@@ -597,7 +600,14 @@ def test_labelled_points_and_edges_fill_missing_points(monkeypatch: pytest.Monke
     same(edges.variables["edge"][1][1, 1, 2], [10.0, 3.0])
     same(edges.variables["sigma"][1][1], np.full((2, 3), 0.1))
     assert edges.coordinates["flagged"] == ("state", [True, True])
-    assert edges.coordinates["state"] == [0, 1]
+    made_of = [edge_set((10.0, 2.0)), edge_set((20.0, 2.0)), edge_set((30.0, 2.0))]
+    edges = labelled.labelled_edges((STATES[0], *STATES), made_of, {})
+    same(edges.variables["edge"][1][:, :, 2, 0], [[10.0, 10.0], [20.0, 20.0], [30.0, 30.0]])
+    assert edges.variables["sigma"][1].shape == (3, 2, 3)
+    assert edges.coordinates["flagged"] == ("state", [False, False, True])
+    assert edges.coordinates["side"] == ["left", "right"]
+    assert edges.coordinates["axis"] == ["x", "y"]
+    assert edges.coordinates["state"] == [0, 0, 1]
     assert edges.coordinates["side"] == ["left", "right"]
 
 
@@ -650,6 +660,57 @@ def test_what_a_dataset_does_not_have_is_refused() -> None:
     assert dataset_of("points").times_of_states().tolist() == []
     same(dataset_of("points").upright([[0.0, 1.0], [2.0, 0.0]]), [[0.0, -1.0], [-2.0, 0.0]])
     assert dataset_of("points").sensors() == ()
+
+
+@pytest.mark.parametrize("kind", ["frames", "points"])
+def test_a_dataset_without_its_texts_is_refused(monkeypatch: pytest.MonkeyPatch, kind: str) -> None:
+    texts = {"specimen": None, "calibration": None}
+    monkeypatch.setattr(Dataset, "text", lambda self, name: texts[name])
+    monkeypatch.setattr(reading, "refuse_links_and_absurd_sizes", lambda path, file: None)
+    with h5py.File("memory.h5", "w", driver="core", backing_store=False) as file:
+        states, data = file.create_group("entry/states"), file.create_group("entry/data")
+        states.attrs.update({FORMAT_ATTRIBUTE: FORMAT, "gravity_angle_deg": 30, "field_angle_deg": 60})
+        if kind == "frames":
+            data["frames"] = np.zeros((1, 2, 2))
+        words = r"^run\.h5: holds no specimen, so the dimensions of the beam are unknown; use another copy of the file$"
+        with pytest.raises(InputError, match=words):
+            Dataset(Path("run.h5"), file, True)
+        texts["specimen"] = SPECIMEN.text  # type: ignore[assignment]
+        monkeypatch.setattr(reading, "read_states", lambda *given: ([], None))
+        if kind == "frames":
+            words = r"^run\.h5: holds frames but no calibration, so their scale is unknown; use another copy of the"
+            with pytest.raises(InputError, match=words):
+                Dataset(Path("run.h5"), file, True)
+            return
+        made = Dataset(Path("run.h5"), file, True)
+        assert (made.kind, made.calibration, made.gravity_angle_deg, made.field_angle_deg) == (
+            "points",
+            None,
+            30.0,
+            60.0,
+        )
+        assert made.gravity is True
+        states.attrs["gravity"] = False
+        assert Dataset(Path("run.h5"), file, True).gravity is False
+
+
+def test_texts_of_tracked_points_cannot_be_replaced(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(restating, "open_dataset", lambda path: nullcontext(dataset_of("points")))
+    with pytest.raises(InputError, match=r"^run\.h5: holds tracked points, so its specimen and calibration cannot be"):
+        restating.restate(Path("run.h5"))
+
+
+def test_directions_of_tip_forces_are_added_to_a_file_if_one_is_not_that_of_gravity(tmp_path: Path) -> None:
+    path = tmp_path / "run.h5"
+    with h5py.File(path, "w") as file:
+        file.create_group("entry/states")
+    before = path.read_bytes()
+    store_tip_force_angles(path, [None, None])
+    assert path.read_bytes() == before
+    store_tip_force_angles(path, [None, 30.0])
+    with h5py.File(path) as file:
+        same(file["entry/states/tip_force_angle"][()], [NAN, 30.0])
+        assert file["entry/states/tip_force_angle"].attrs["units"] == "deg"
 
 
 def stored_dataset(entry: h5py.Group, kind: str = "frames") -> Dataset:
@@ -1028,6 +1089,7 @@ def test_a_row_names_an_image(tmp_path: Path, rows: list[str], found: list[str])
         (["shot_2", *(f"a{k}" for k in range(7))], r"row 3: .*; the same holds for rows 4, 5, 6, 7, 8 and 1 more"),
         (["shot_2", "2"], "row 3: frame = '2' should be listed once; row 2 lists the same image"),
         (["\x00"], "no image has this name|is not"),
+        (["a" * 300], "no image has this name$"),
     ],
 )  # fmt: skip
 def test_a_row_without_its_image_is_named(tmp_path: Path, rows: list[str], words: str) -> None:
