@@ -98,10 +98,10 @@ def drawn_material(rng: np.random.Generator) -> tuple[float, Prony]:
 
 
 def _stiffness_slopes() -> tuple[Stiffness, np.ndarray]:
-    """Return the stiffness (three values) of the rod that simulates the beam, and its derivatives, (3, 3).
+    """Return the stiffness of a rod that bends like the nominal beam, and its derivatives by the sizes, (3, 3).
 
-    Rows: derivatives by ln(width), ln(depth), ln(length) of the beam. Columns: the three values, which are ln(length
-    of the rod), ln(stiffness of its hinge at the magnet), loss of bending stiffness per squared curvature (m²).
+    Rows: ln(width), ln(depth), ln(length) of the beam. Columns: ``length_m``, ``hinge_m3`` (both as logarithms) and
+    ``softening_m2`` of the stiffness.
     """
 
     def rod(specimen: Specimen) -> Stiffness:
@@ -118,7 +118,7 @@ def _stiffness_slopes() -> tuple[Stiffness, np.ndarray]:
 
 
 def stiffness_near(specimen: Specimen) -> Stiffness:
-    """Return the stiffness of the rod that simulates a specimen whose sizes differ little from the nominal sizes."""
+    """Return the stiffness of a rod that bends like a specimen with nearly the nominal sizes."""
     nominal, slopes = once("stiffness", _stiffness_slopes)
     change = np.log([getattr(specimen, key) / getattr(BEAM, key) for key in ("width_mm", "depth_mm", "length_mm")])
     length, hinge, softening = change @ slopes

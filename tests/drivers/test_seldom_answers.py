@@ -442,7 +442,7 @@ def test_a_2260b_refuses_protections_below_a_tenth_of_its_rating() -> None:
 
 
 def test_limits_and_ranges_of_an_aim_tti() -> None:
-    """LSR1 has the bits 1 (constant voltage), 2 (constant current), 4 and 8 (trips), and is cleared by reading."""
+    # The status register LSR1 has the bits 1 (constant voltage), 2 (constant current), 4 and 8 (trips).
     supply = AimTtiDialect(coil_at(), 1, MX100TP)
     assert talk(
         supply, "LSR1?", "*ESR?", "*ESR?", "VRANGE1?", "V1 17", "EER?", "VRANGE1 2", "VRANGE1?", "V1 17", "V1?"

@@ -1,4 +1,4 @@
-"""Paths, files in use and console events of Windows are handled, as far as any system can test this."""
+"""The parts of the handling of Windows paths, files in use and console events that can be tested on any system."""
 
 from __future__ import annotations
 

@@ -309,7 +309,7 @@ def _locate(
 
 
 def _inner_reach_px(half_px: float, cover_px: float, blur_px: float) -> float:
-    """Return how far (px) grey values are read into the beam, so that the magnet is avoided if possible."""
+    """Return the distance (px) inside the edge up to which grey values are used; it ends before the magnet."""
     return min(half_px, cover_px - 1.5 * blur_px) if cover_px > 3.0 * blur_px else half_px
 
 

@@ -136,7 +136,7 @@ def find_strip(picture: WorkingPicture, polarity: str | None, earlier: Callable[
 class _Generation:
     """The possible strips after one step of the search.
 
-    `parent`: index of the shorter strip from which each strip was extended. `gain`: gain of this step.
+    `parent`: index of the shorter strip from which each strip was extended. `gain`: increase of the score by this step.
     """
 
     strips: Hypotheses

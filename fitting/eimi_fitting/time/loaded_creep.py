@@ -50,16 +50,17 @@ class LoadCurve:
 
     @staticmethod
     def through(nominal: tuple[Array, Array], stronger: tuple[Array, Array], factor: float) -> LoadCurve:
-        """Return the moment of the loads, divided by a constant in m³, as a function of the rotation of the tip.
+        """Interpolate the moment of the loads between states in the nominal field and in a stronger field.
 
-        nominal: rotations in rad and moments in Pa rad. stronger: those in a field that is ``factor`` times as strong.
+        nominal: rotations of the tip and moments in the nominal field. stronger: those in a field that is ``factor``
+        times as strong; their difference gives the part of the moment that is due to the field.
         """
         spline = _spline(*nominal)
         even = np.linspace(nominal[0].min(), nominal[0].max(), _NODES)
         moment = spline(even)
         if len(stronger[0]) < 2:
             return LoadCurve(even, moment, moment)
-        # The difference shows which part of the moment is due to the field.
+
         more, of_more = stronger
         return LoadCurve(even, moment, _spline(more, (of_more - spline(more)) / (factor - 1))(even))
 
@@ -74,7 +75,7 @@ class LoadCurve:
         return LoadCurve(ends, -stiffness_Pa * ends, 0 * ends)
 
     def at(self, rotation: Array) -> tuple[Array, Array]:
-        """Return the moment of the loads, divided by a constant in m³, and its derivative (Pa) at P rotations, (P,)."""
+        """Return the moment and its derivative at P rotations of the tip (rad), (P,)."""
         x, y, slopes = self.rotation, self.moment, self._slopes
         i = np.searchsorted(x[1:-1], rotation)
         return y[i] + slopes[i] * (rotation - x[i]), slopes[i]

@@ -176,11 +176,13 @@ class RingTable:
 
     @cached_property
     def _better(self) -> tuple[Array, float, Array]:
-        """Three results of a more accurate beam model, which correct the planar model.
+        """Three results of a more accurate beam model, with which the planar model is corrected.
 
-        They are its three lowest frequencies, divided by those of the planar model; the factor on the modulus with
-        which the planar model bends as far; and its squared angular frequencies at `_RATIOS`, (3, 2).
+        1. Its three lowest frequencies, divided by those of the planar model.
+        2. The factor on the modulus with which the planar model bends as far as the more accurate model.
+        3. Its squared angular frequencies for three modes and two moduli, (3, 2).
         """
+        # The two moduli are the modulus times each of `_RATIOS`.
         beam, parameters = self.beam, self.beam.parameters(np.array([self.middle_Pa]))
         planar = beam.planar()
         plain, _ = beam.vibration(planar).about(beam.law, parameters, beam.loads)
@@ -209,17 +211,17 @@ class RingTable:
         return np.asarray(ratio), float(np.exp(stiffer)), _eigenvalues(better) * factors
 
     def _finer_over_coarse(self, coarse: BeamModel, parameters: Array) -> tuple[Array, float]:
-        """Return the changes of the squared frequencies and of the bending by a finer mesh across the beam.
+        """Return how much a finer mesh changes the frequencies and the bending of the beam.
 
         Returns
         -------
         factors : ndarray, shape (3, 2)
-            Squared angular frequencies of three modes for the modulus times each of `_RATIOS`: fine mesh over coarse
-            mesh.
+            Squared frequencies of the fine mesh divided by those of the coarse mesh, for three modes and two moduli.
         turn_deg : float
-            Rotation of the tip: fine mesh minus coarse mesh.
+            Rotation of the tip of the fine mesh minus that of the coarse mesh.
         """
-        # The mesh of the three-dimensional model is as coarse as that of ``coarse``.
+        # The two moduli are the modulus times each of `_RATIOS`. The mesh of the three-dimensional model is as coarse
+        # as that of ``coarse``.
         beam, fine = self.beam, BeamModel(coarse.specimen, coarse.along, _FINE_ACROSS, coarse.plane)
         squares, turned = [], []
         for model in (coarse, fine):

@@ -232,9 +232,8 @@ def doubts(
 ) -> tuple[Doubt, ...]:
     """Return the warnings about a fit that follow from its residuals.
 
-    missing: a sentence for each missing correction. is_named: whether bench errors explain
-    the residuals and the intervals contain their effect. is_as_stated: whether errors of inputs within their stated
-    uncertainties explain the residuals.
+    missing: a sentence for each missing correction. is_named: whether the intervals contain the errors that explain
+    the residuals. is_as_stated: whether the stated uncertainties of the inputs explain the residuals.
     """
     result: list[Doubt] = []
     for index, (experiment, misfit) in enumerate(zip(experiments, final.misfits, strict=True)):

@@ -314,7 +314,10 @@ class Unknowns:
         return self.space.bulk_modulus_Pa(unit[:, : self.searched])
 
     def standardised(self, unit: Array) -> Array:
-        """Return the deviations of the f fitted inputs in prior standard deviations, (P, f), from scaled unknowns."""
+        """Return the deviations of the f fitted inputs from their stated values, in standard uncertainties, (P, f).
+
+        unit: the scaled unknowns (0 to 1) of P candidates.
+        """
         return np.asarray(2 * RANGE * (unit[:, self.searched :] - 0.5))
 
     def setups(self, unit: Array, datasets: int) -> list[Setup] | None:
