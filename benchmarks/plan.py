@@ -1,4 +1,4 @@
-"""Compare planned with equally spaced magnetic fields: the width of the 95 % interval of the modulus.
+"""Compare runs in planned fields with runs in equally spaced fields: the width of the 95 % interval of the modulus.
 
     python -m benchmarks.plan [--experiments 6] [--states 6] [--seed 1]
 

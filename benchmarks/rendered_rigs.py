@@ -1,4 +1,4 @@
-"""Render pictures of a beam on a bench that differs from its files, and find the edges in the pictures."""
+"""Render pictures of a beam whose bench differs from the stated values, and find the edges in the pictures."""
 
 from __future__ import annotations
 

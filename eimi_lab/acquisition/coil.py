@@ -72,8 +72,6 @@ def never() -> None:
 class Coil:
     """A coil on a power supply, with the set-point of the supply and the checks of the current.
 
-    A function `stop_if_asked` is called between two operations and may raise an exception.
-
     Parameters
     ----------
     supply : PowerSupply
@@ -102,7 +100,7 @@ class Coil:
     leads_swapped : bool
         Whether the leads of the coil are swapped. Its current is then minus the current of the supply.
     out_of_control : bool
-        Whether a current or a reading was wrong, or the run stood still. The coil is then switched off without a ramp.
+        Whether a current or a reading was wrong, or the run was blocked. The coil is then switched off without a ramp.
     unreachable : str
         Why the supply gives no usable answer, in words; empty if it answers.
     """

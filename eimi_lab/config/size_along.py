@@ -31,7 +31,7 @@ class SizeAlong(float):
 
 
 def rows_of(size_mm: float) -> Rows:
-    """Return the rows (arc length, size), both in mm, of a width or depth; an empty tuple if the size is constant."""
+    """Return the rows (arc length, size) in mm of a `SizeAlong`, and an empty tuple for a constant width or depth."""
     return size_mm.rows if isinstance(size_mm, SizeAlong) else ()
 
 
@@ -73,5 +73,5 @@ def size_along(value: Any, number: ValidatorFunctionWrapHandler) -> float:
 
 
 def written(size_mm: float) -> float | list[list[float]]:
-    """Return a width or depth (mm) in the form for a file: a number, or a list of rows [arc length, size]."""
+    """Return a width or depth (mm) for a file: a number, or the rows [arc length, size] of a `SizeAlong`."""
     return [list(row) for row in size_mm.rows] if isinstance(size_mm, SizeAlong) else float(size_mm)

@@ -234,7 +234,7 @@ class Rod:
         return derivatives, remaining
 
     def strain(self, z: Array) -> Array:
-        """Return the elastic force on each of the n coordinates z, divided by its stiffness, shape (n,)."""
+        """Return the elastic force in each of the n generalised coordinates z, divided by its linear stiffness, (n,)."""
         strain, stretch = z.copy(), slice(self._first_stretch, self._first_stretch + _STRETCHING)
         bent, stretched = self._bends @ z[:_BENDING], self._stretches @ z[stretch]
         strain[:_BENDING] += (bent * stretched) @ self._bends_stretched - bent**3 @ self._softens
@@ -242,9 +242,9 @@ class Rod:
         return strain
 
     def strain_rate(self, z: Array, speed: Array) -> Array:
-        """Return the derivative of `strain`, the elastic forces divided by their stiffness, in time, 1/s, shape (n,).
+        """Return the time derivative of `strain`, 1/s, shape (n,).
 
-        ``z`` (n,) contains the coordinates of the rod, and ``speed`` (n,) their rates in 1/s.
+        ``z`` (n,) contains the generalised coordinates of the rod, and ``speed`` (n,) their rates in 1/s.
         """
         rate, stretch = speed.copy(), slice(self._first_stretch, self._first_stretch + _STRETCHING)
         bent, bending = self._bends @ z[:_BENDING], self._bends @ speed[:_BENDING]

@@ -75,7 +75,7 @@ def test_a_strain_is_as_predicted_below_three_halves_and_two_per_cent() -> None:
 
 
 def line(*places: float, degree: int = 1) -> path.Path:
-    """Return solved configurations at several loads; each shape is proportional to a power of the load."""
+
     return [(np.array([place, 2 * place]), state(place**degree)) for place in places]
 
 

@@ -172,7 +172,7 @@ class LoadedMesh:
     def apply_force(self, force: Array, point_mm: Array, total: SolidLoads) -> None:
         """Add a force with constant direction and size to the sum of all loads, in place.
 
-        force: the force (x, y) on the specimen in N, multiplied by ``self.share``. point_mm: its point (x, y) at rest.
+        force: the force (x, y) in N on the simulated part of the specimen. point_mm: its point (x, y) at rest.
         """
         straight = self._grid.straightened(point_mm)
         if self._grid.on_magnet(straight)[0]:

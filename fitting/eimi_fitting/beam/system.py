@@ -259,9 +259,10 @@ class FactoredSystem:
             self._schur = np.where(self.sound[:, None, None], schur, np.eye(3))
 
     def solve(self, nodes: Array, body: Array) -> tuple[Array, Array]:
-        """Return the unknowns of the nodes, (m, B, n), and of the rigid magnet, (m, B, 3), for m right-hand sides.
+        """Solve the system for m right-hand sides and B candidate laws.
 
-        nodes, body: the right-hand sides, (m, B, n) and (m, B, 3).
+        nodes, body: the right-hand sides of the n unknowns of the nodes, (m, B, n), and of the three of the rigid
+        magnet, (m, B, 3). The solutions have the same shapes.
         """
         structure = self._structure
         if self._body is None:

@@ -191,7 +191,10 @@ def _with_solids(
 
 
 def _with_depth(problem: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem, Optimum[Evaluation], list[Effect]]:
-    """Correct the residuals up to three times by a solid model; return fit, optimum, and change of the optimum."""
+    """Correct a fit with the planar model by the solid model, in up to three passes.
+
+    The result is the corrected fit, its optimum, and the change of the optimum (empty if the solid has no equilibrium).
+    """
     corrected, first, solid = problem, optimum.unit, None
     moved = np.inf
     for passes in range(_MOST_PASSES):

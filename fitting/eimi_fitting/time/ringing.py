@@ -288,7 +288,7 @@ def _chebyshev_points() -> Array:
 
 
 def _of_unit(x: Array) -> Array:
-    """Return the ratio (modulus in a vibration / modulus at rest) whose inverse, scaled to -1 to 1, is ``x``."""
+    """Return the ratio of the dynamic to the static modulus for a coordinate ``x`` from -1 to 1."""
     return np.asarray(2.0 * _LEAST_RATIO / (x + 1.0))
 
 

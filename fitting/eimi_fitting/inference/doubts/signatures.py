@@ -208,9 +208,9 @@ class About:
         ]
 
     def start(self, cause: PossibleCause, part: int, dataset: int) -> float:
-        """Return the value of one component of a bench error that the fit already contains, such as a shift in x.
+        """Return the value that the fit uses for one component of an input, relative to the stated value.
 
-        part: index of the component. dataset: index of the experiment.
+        part: index of the component, such as x or y of a shift. dataset: index of the experiment.
         """
         measured = self.problem.experiments[dataset].measured.get(cause.source, ())
         if not measured:

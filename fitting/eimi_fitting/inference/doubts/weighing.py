@@ -386,7 +386,10 @@ class Weighing:
         return None if residuals is None else tuple(residuals)
 
     def remaining_mm(self, amplitudes: Array) -> tuple[Array, ...]:
-        """Return the root mean square residuals in mm after a correction for bench errors, (K,) for each experiment."""
+        """Return the root mean square residual of each load case in mm, after a correction for bench errors.
+
+        The result has an array for each experiment.
+        """
         # The residuals are linear in the amplitudes here; nothing is simulated.
         errors, rows = [], [*range(self._law, self._simulated_common), *range(self._common, len(self._scale) - 1)]
         for i, (residual, slopes, used) in enumerate(

@@ -76,7 +76,7 @@ class Identifiability:
     noise_points : float or None
         Number of independent points, from the correlation of the noise.
     stated_squares : float
-        Sum of the squared errors of the uncertain inputs, in standard uncertainties.
+        Sum of the squares of the estimated errors of the uncertain inputs, each divided by its standard uncertainty.
     model_mm : float
         Mean standard deviation of the error of the beam model in mm.
     """

@@ -1,11 +1,15 @@
 """Choose the load cases to measure next, so that the interval of a modulus or law parameter becomes narrow.
 
-The edges are simulated with the law of an earlier fit. Let J be their derivative by the unknowns of the law, C their
-change by one standard uncertainty of each uncertain input, w the inverse variance of an edge point, P the inverse prior
-covariance, and t the 97.5 % quantile of Student's distribution divided by that of the normal distribution. With sums
-over the edge points of the chosen load cases, the covariance of the unknowns is
+The edges are simulated with the law of an earlier fit. The covariance of the unknowns of the law is
 
-    inv(H) (t^2 A + P) inv(H) + S S',    A = w sum J'J,    H = A + P,    S = inv(H) w sum J'C.
+    inv(H) (t^2 A + P) inv(H) + S S',    A = w sum J'J,    H = A + P,    S = inv(H) w sum J'C,
+
+where the sums extend over the edge points of the chosen load cases, and
+
+- J is the derivative of an edge point by the unknowns,
+- C is the change of an edge point by one standard uncertainty of each uncertain input,
+- w is the inverse variance of an edge point, and P the inverse prior covariance of the unknowns,
+- t is the 97.5 % quantile of Student's distribution, divided by that of the normal distribution.
 """
 
 from __future__ import annotations
