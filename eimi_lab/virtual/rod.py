@@ -234,7 +234,7 @@ class Rod:
         return derivatives, remaining
 
     def strain(self, z: Array) -> Array:
-        """Return the elastic force in each of the n generalised coordinates z, divided by its linear stiffness, (n,)."""
+        """Return the elastic force in each of the n generalised coordinates z, divided by its linear stiffness."""
         strain, stretch = z.copy(), slice(self._first_stretch, self._first_stretch + _STRETCHING)
         bent, stretched = self._bends @ z[:_BENDING], self._stretches @ z[stretch]
         strain[:_BENDING] += (bent * stretched) @ self._bends_stretched - bent**3 @ self._softens

@@ -208,7 +208,7 @@ def serve(pipe: Connection, recover: bool) -> None:
 
 
 def read_guarded(path: Path) -> str:
-    """Try to read a C3D file; return "read", "refused", or "refused in several lines" for a message of several lines."""
+    """Try to read a C3D file; return "read", "refused", or "refused in several lines" (of a message)."""
     try:
         read_c3d(path)
     except InputError as error:
