@@ -220,7 +220,7 @@ def _uncertainties(file: File, examples: Mapping[str, str]) -> str:
 def _example(path: str, examples: Mapping[str, str]) -> str:
     example = examples.get(path) or FURTHER_EXAMPLES.get(path)
     if not example:
-        raise ValueError(f"{path} has no example: add the key to a file in protocols/")
+        raise ValueError(f"no file in protocols/ contains the key {path}; add it to one, because it is the example")
     return example
 
 

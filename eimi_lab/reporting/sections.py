@@ -58,9 +58,9 @@ def evidence_for_fits(
 
 
 def _section_of(shown: ShownFit, sha256: str) -> str | None:
-    """Return the section assumption (such as plane strain) with which a fit is simulated; None if the fit has none.
+    """Return the section assumption (such as plane strain) of a fit for one dataset; None if the fit has none.
 
-    `sha256` is the hash of the dataset that is simulated.
+    `sha256` is the hash of the dataset.
     """
     if not isinstance(shown.fit, FitRecord):
         return None

@@ -84,7 +84,7 @@ class Projection:
 
     @classmethod
     def from_json(cls, text: str) -> Projection:
-        """Return the weights from JSON text."""
+        """Return the projection that `to_json` has written as text."""
         fields = json.loads(text)
         return cls(**{**fields, "weights": tuple(fields["weights"])})
 

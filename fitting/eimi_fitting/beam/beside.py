@@ -263,9 +263,9 @@ class SolidBeside:
         predicted: Configuration | None,
         tolerance_mm: float,
     ) -> Configuration | None:
-        """Return the solid configuration minus the planar one, ``lifted``, in one load state; None without a solution.
+        """Return the solid minus the planar configuration in one load state; None without a solution.
 
-        predicted: the expected difference, if known.
+        lifted: the planar configuration on the mesh of the solid. predicted: the expected difference, if known.
         """
         batch, factor = chosen.take(np.arange(1))
         for start in ([] if predicted is None else [combine([1.0, 1.0], [lifted, predicted])]) + [lifted]:

@@ -65,7 +65,7 @@ class SearchSpace:
         return np.asarray(self._shear_modulus(x) * 10.0 ** x[:, -1])
 
     def _shear_modulus(self, x: Array) -> Array:
-        """Return the initial shear modulus (Pa), (P,), from the m quantities ``names`` at P points, ``x``, (P, m)."""
+        """Return the initial shear modulus of P candidates, (P,) in Pa, from their coordinates `x`, (P, m)."""
         if not self.has_bulk:
             return x[:, 0]
         three = 3 * 10.0 ** x[:, -1]  # 3 K / mu

@@ -29,9 +29,9 @@ _STEP = 1.05  # ratio of the two moduli or loads whose difference gives the disp
 
 
 def displacement_per_rad(beam: RingingBeam, modulus_Pa: float, loads: Loads, before: Loads, rest_mm: Array) -> Array:
-    """Return the displacement (x, y) of p points of a beam for a rotation of the tip by one rad, (p, 2) in mm.
+    """Return the displacement (x, y) of p points of a beam, divided by the rotation of its tip, (p, 2) in mm per rad.
 
-    loads, before: the loads after and before the step of the load. rest_mm: positions (x, y) of the points at rest.
+    loads, before: the loads after and before a step. rest_mm: positions (x, y) of the points at rest.
     """
     model = beam.planar()
     places = _places(beam, rest_mm)

@@ -65,11 +65,11 @@ def shared_equally(
     Parameters
     ----------
     score : ndarray, shape (H,)
-        Logarithm of the probability of each of H sets of errors.
+        Logarithm of the probability of each of H sets of bench errors.
     is_uncertain : ndarray of bool, shape (H,)
-        Whether inputs may be wrong in addition to the errors of the set.
+        Whether the set also contains errors within the stated uncertainties.
     of_causes : sequence of tuple of int
-        Groups of errors that the residuals do not distinguish, as indices.
+        Groups of bench errors that the residuals do not distinguish; each group contains numbers of bench errors.
     """
     # The data do not decide between the causes of a class. Their evidence differs only by their assumed usual sizes:
     # for a scale that is wrong by 3 per cent (3 usual errors), it favours a beam that is 9 mm nearer (1.8 usual

@@ -92,7 +92,7 @@ def remaining_error_mm(weighed: Weighed, experiments: Sequence[Experiment]) -> f
 
 
 def contains(modulus: Quantity, shifts_percent: Iterable[float]) -> bool:
-    """Return whether the 95 % interval contains the modulus after each of several shifts in per cent."""
+    """Return whether the 95 % interval of a modulus contains its value changed by each of several percentages."""
     low, high = modulus.interval_95
     return all(low <= modulus.value * (1 + 1e-2 * shift) <= high for shift in shifts_percent)
 

@@ -75,7 +75,10 @@ class Solved:
 
     @staticmethod
     def of(assumed: Assumed, before: Solved | None = None) -> Solved | None:
-        """Simulate the beam and the residuals; None without an equilibrium or for an impossible specimen."""
+        """Simulate the beam, and compute the residuals; None without an equilibrium or for an impossible specimen.
+
+        before: the result for similar assumptions, from which the simulation starts.
+        """
         try:
             return Solved._of(assumed, before)
         except ValueError:

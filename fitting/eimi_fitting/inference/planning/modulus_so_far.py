@@ -41,7 +41,7 @@ _WIDTH_GROWS = 1.05  # factor on the narrowest interval by which the noise may w
 
 @dataclass(frozen=True)
 class _Depth:
-    """The displacements of a three-dimensional minus those of a planar beam model, for a modulus in Pa."""
+    """The difference between the shapes of the solid and of the planar beam model, computed at one modulus."""
 
     effect: DepthEffect
     modulus_Pa: float
