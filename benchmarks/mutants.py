@@ -310,7 +310,7 @@ def sample_table(mutants: Sequence[Mutant], outcomes: dict[str, str]) -> list[st
 
 
 def table(mutants: Sequence[Mutant], outcomes: dict[str, str]) -> list[str]:
-    """Return a Markdown table: the numbers of tried and caught mistakes of each list.
+    """Return a Markdown table: how many mistakes of each file in ``benchmarks/mistakes`` were tried and caught.
 
     `outcomes` contains "caught", "survived" or "broken" by the identifier of the mistake.
     """

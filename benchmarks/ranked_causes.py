@@ -204,7 +204,10 @@ def summary(results: Sequence[Ranked]) -> str:
 
 
 def table(results: Sequence[Ranked]) -> str:
-    """Return a Markdown table with one row for each true cause: fits that find it, errors of the modulus, warnings."""
+    """Return a Markdown table with a row for each simulated bench error.
+
+    The row says how many fits named it, and gives the errors of the modulus and the number of warnings.
+    """
     lines = [_cells(_HEAD), _cells(["---"] * len(_HEAD))]
     for cause in dict.fromkeys(one.cause for one in results):
         some = [one for one in results if one.cause == cause]

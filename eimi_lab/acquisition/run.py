@@ -256,9 +256,9 @@ def acquire(
 
 @dataclass
 class _Ending:
-    """The data at the end of a run: dataset, numbers of states (load steps), and the event that the coil is off.
+    """What the last event of a run reports: the dataset, numbers of states (load steps), and whether the coil is off.
 
-    The fields `path` and `stored` are used only until the dataset is open.
+    `path` and `stored` are used only if `writer`, the open dataset, is None.
     """
 
     path: Path

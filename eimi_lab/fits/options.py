@@ -164,7 +164,7 @@ class FitOptions:
         Raises
         ------
         InputError
-            If two datasets have the same content, or if a dataset cannot determine an input of ``--free``.
+            If two datasets have the same content, or if a dataset does not allow one of the given options.
         """
         from eimi_fitting.inference.evidence.sources import SOURCES
 

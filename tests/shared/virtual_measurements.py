@@ -230,7 +230,7 @@ def outcome(case: Case) -> Outcome:
 
 
 def drawn(case: Case, estimate: Estimate, deviations: Mapping[str, Array]) -> float:
-    """Return the shift of the modulus by the input errors `deviations`, in standard deviations of this shift."""
+    """Return the shift of the modulus by the drawn errors of the inputs, divided by its standard deviation."""
     law = LAWS[case.model]
     parameters = np.column_stack([estimate.draws.column(name) for name in law.parameter_names])
     numbers = [(key, part) for key, values in deviations.items() for part in range(len(values))]

@@ -142,8 +142,8 @@ def _formula(name: str, formula: str, **variables: str) -> str:
 def _converted(name: str, address: int, to_register: str, from_register: str, smallest: int, largest: int) -> str:
     """Return the XML of a numerical feature whose value is computed from the integer in a register of the camera.
 
-    `to_register` is the formula for the integer; the value is called FROM in it. `from_register` is the formula for the
-    value; the integer is called TO in it. `smallest` and `largest` are the bounds of the integer.
+    `to_register` is the formula for the integer, with FROM for the value, and `from_register` the formula for the value,
+    with TO for the integer (names of the GenICam standard). `smallest` and `largest` are the bounds of the integer.
     """
     return (
         f'<Float Name="{name}"><pValue>{name}Converter</pValue></Float>'

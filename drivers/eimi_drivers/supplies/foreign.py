@@ -34,7 +34,7 @@ class Interruptions:
         self._last: BaseException | None = None
 
     def __call__(self) -> None:
-        """Call `between_messages`; store its error, if there is one, and raise it."""
+        """Call the function that the program calls between two messages; store its error, and raise it."""
         try:
             self._between_messages()
         except BaseException as error:
@@ -42,7 +42,7 @@ class Interruptions:
             raise
 
     def raised(self, error: BaseException) -> bool:
-        """Return whether `error` was raised by `between_messages`; ForeignSupply then raises it unchanged."""
+        """Return whether that function raised `error`; ForeignSupply then raises the error unchanged."""
         return error is self._last
 
 

@@ -86,7 +86,7 @@ def place(tracks: Tracks, placing: Placing, origin: str) -> PlacedTracks:
     tracks
         The tracks, in the unit and axes of their file.
     placing
-        Information from the user about unit, axes, rest and uncertainty.
+        Information from the user about the unit, the axes, the frame without load, and the uncertainty.
     origin
         Name of the file in error messages.
 

@@ -273,9 +273,10 @@ def _symmetric_modes(stiffness: Array, mass: Array) -> tuple[Array, Array]:
 
 
 def _quadratic(local: Array, matrices: Array) -> Array:
-    """Return the matrices of m shapes, (B, m, m), from the matrices of E elements, (E, B, u, u).
+    """Return a matrix (such as mass) in the coordinates of m mode shapes, (B, m, m), for B candidate laws.
 
-    local: the displacements of the elements in each shape, (m, E, B, u).
+    local: the u displacements of E elements in each mode shape, (m, E, B, u). matrices: the matrices of the elements,
+    (E, B, u, u).
     """
     turned = np.ascontiguousarray(local.transpose(1, 2, 0, 3))  # (E, B, m, u)
     return np.asarray(np.matmul(np.matmul(turned, matrices), turned.swapaxes(-1, -2)).sum(axis=0))

@@ -221,7 +221,7 @@ def _with_depth(problem: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem
 
 
 def _with_change(changed: Problem, now: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem, Optimum[Evaluation]]:
-    """Fit with the corrected residuals of ``changed``; return ``changed`` and its optimum."""
+    """Return the fit ``changed`` and its optimum; the search begins at the optimum of the fit ``now``."""
     start = changed.recorrected(optimum.evaluation, now), optimum.distance
     return changed, _polished(changed, optimum.unit, start)
 

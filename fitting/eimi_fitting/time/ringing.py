@@ -107,7 +107,11 @@ class RingTable:
         return fixed_point(squares, of_inside, (len(inside), min(count, _MODES)))
 
     def _squares(self, log_modulus: Array, load_log: Array, count: int) -> Ratio:
-        """Return the squared angular frequencies (1/s²) of planar modes as a function of modulus / modulus at rest."""
+        """Return a function that gives the squared angular frequencies (1/s²) of the first modes of the planar model.
+
+        The function takes the ratio of the dynamic to the static modulus. log_modulus: logarithms of P static moduli,
+        (P,). load_log: logarithms of the factors on the magnetic loads, (P,). count: number of modes.
+        """
         each = np.exp(self._size(log_modulus))[:, :, None] * self._polynomials(log_modulus)
         polynomials = np.einsum("pf,fpdk->pdk", _lagrange(self._load_logs, load_log), each)
         columns = polynomials[..., :count].swapaxes(0, 1)

@@ -169,12 +169,12 @@ class NotDetermined(Exception):
 
 
 def check_determined(estimate: Estimate, experiments: Sequence[Experiment]) -> None:
-    """Raise an exception if the data are one load case only, which does not determine the initial shear modulus.
+    """Check that the initial shear modulus is determined.
 
     Raises
     ------
     NotDetermined
-        If the upper end of the 95 % interval exceeds four times the lower end.
+        If there is only one load case, and the upper end of the 95 % interval exceeds four times the lower end.
     """
     if sum(len(experiment.loads) for experiment in experiments) == 1 and is_open(estimate.initial_shear_modulus):
         low, high = estimate.initial_shear_modulus.interval_95

@@ -58,9 +58,9 @@ class Projection:
         return np.concatenate(parts, axis=-1)
 
     def smooth(self, changes: Array) -> Array:
-        """Return the variances (mm^2) of the N coefficients due to errors that vary smoothly along the edges.
+        """Return the variances (mm^2) of the N coefficients if errors of a known size vary smoothly along the edges.
 
-        changes: coefficients of some changes of the residuals, (c, N), which give the size of the errors.
+        changes: coefficients of c changes of the residuals, (c, N). Their root mean square is the size of the errors.
         """
         parts, first = [], 0
         for basis in self.bases:

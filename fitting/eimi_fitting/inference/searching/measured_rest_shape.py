@@ -57,7 +57,7 @@ class MeasuredRestShape:
     specimen : Specimen
         The specimen with the measured shape.
     bends_mm, widths_mm : tuple of float
-        Amplitudes of smooth deviations from the specimen file, of the middle line and of the width.
+        Differences of the middle line and of the width from the specimen file, as coefficients of smooth functions.
     bend_sigma_mm, width_sigma_mm : float
         Largest standard uncertainties of ``bends_mm`` and of ``widths_mm``.
     """
