@@ -11,7 +11,7 @@ image_wholeness      check that an image file is complete
 intensity            combine colours and frames into one image, and correct its brightness
 projection           convert colours to grey values with the largest contrast of the beam
 beam_frame           map pixels to millimetres in the beam frame, and back
-field_at_beam        apply the magnetic field of a calibration to loads
+field_at_beam        the field that a calibration describes, at the beam
 check                one quality check, and the flag that records its failure
 flags                the table of all quality checks
 followed_checks      the quality checks of edges that were followed from the clamp

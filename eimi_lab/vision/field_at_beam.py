@@ -1,4 +1,4 @@
-"""Apply the magnetic field of a calibration to loads."""
+"""Replace the uniform field of load states by the field that a calibration describes."""
 
 from __future__ import annotations
 

@@ -249,7 +249,8 @@ class Row:
 
     held_percent : share of the intervals that contain the truth
     chance_percent : 95 % confidence interval of this share
-    drawn_percent : share of the fits whose modulus the input errors shift by less than 1.96 standard deviations
+    drawn_percent : share of the simulated fits in which the input errors shift the modulus by less than 1.96 times the
+        standard deviation of this shift
     over_needed : half-width of the intervals, divided by the one that would contain the truth in 95 % of the fits
     over_needed_least : lower bound of `over_needed`, with a confidence of 97.5 %
     """

@@ -338,9 +338,9 @@ def _most_suitable(places: Array, by_turn: bool, similar: tuple[DepthEffect, ...
 
 
 def _along_ray(loads: Loads) -> Array | None:
-    """Return the positions of K loads on the straight line through all loads, (K,), or None if they are not on a line.
+    """Return K load states as multiples of the largest change from the first state, (K,); None if this is impossible.
 
-    The position is 0 for the first load and 1 for the farthest load.
+    It is possible if the differences from the first load state are proportional to each other.
     """
     numbers = np.array([loads.state(k) for k in range(len(loads))])
     from_first = numbers - numbers[0]

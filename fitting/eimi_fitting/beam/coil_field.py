@@ -178,7 +178,10 @@ class CoilShape:
         return values[0], values[1:3].T, np.moveaxis(values[_SYMMETRIC], -1, 0)
 
     def _curved(self, from_rest_mm: Array) -> Complex:
-        """Return the quadratic part of the relative field (along + i across the axis), and its derivatives."""
+        """Return the quadratic part of the field, divided by the field at the magnet at rest, and its derivatives.
+
+        The real part is the component along the axis of the coil, and the imaginary part that across the axis.
+        """
         # At s along the axis and t across it, the curvature c adds c (s^2 - t^2 / 2) along the axis and -c s t across
         # it.
         (a, b), c = self.axis, 1e-6 * self.curvature_per_m2

@@ -331,7 +331,9 @@ class Unknowns:
         ]
 
     def grouped_by_beam(self, unit: Array, datasets: int) -> list[tuple[Rows, list[dict[str, Array]]]]:
-        """Group P sets of scaled unknowns (P, n) with equal errors of specimen and loads, to simulate them together.
+        """Group candidates with equal values of the unknown specimen and loads, which are simulated together.
+
+        unit: the scaled unknowns of P candidates, (P, n). datasets: number of datasets.
 
         Returns
         -------
@@ -342,7 +344,9 @@ class Unknowns:
         return self._grouped(unit, datasets, lambda source: source.changes_experiment and source.lens is None)
 
     def grouped_by_lens(self, unit: Array, datasets: int) -> list[tuple[Rows, list[dict[str, Array]]]]:
-        """Group P sets of scaled unknowns (P, n) with equal errors of the lens: distance and tilt.
+        """Group candidates with equal values of the unknown distance and tilt of the lens.
+
+        unit: the scaled unknowns of P candidates, (P, n). datasets: number of datasets.
 
         Returns
         -------
