@@ -176,14 +176,14 @@ class FitOptions:
             section = dataset.experiment.model.specimen.section
             if self._bulk and section != "plane-strain":
                 raise InputError(
-                    f"--free bulk: {dataset.path} is modelled as {section}, so that the search takes the material "
-                    "as incompressible; give --section plane-strain, too"
+                    f"--free bulk: {dataset.path} is modelled as {section}, and the fit of this section assumes that "
+                    "the material is incompressible; give --section plane-strain, too"
                 )
             for prior in self._nuisances:
                 if SOURCES[prior.kind].field and not dataset.experiment.loads.field_T.any():
                     raise InputError(
-                        f"--free {prior.kind}: {dataset.path} has no state with a field, so that the data say nothing "
-                        "about this input"
+                        f"--free {prior.kind}: {dataset.path} has no state with a field, and therefore contains no "
+                        "information about this input"
                     )
                 self._check_spread(prior, dataset)
 

@@ -335,7 +335,10 @@ class SupplyBase(Conversation, ABC):
             )
 
     def _read_back(self, ask: Callable[[], _Value], is_right: Callable[[_Value], bool]) -> _Value | None:
-        """Return None after `read_backs` consecutive right answers, or a wrong one later than READ_BACK_WITHIN_S."""
+        """Ask until `read_backs` consecutive answers are right, and return None; after a time limit, return the answer.
+
+        The time limit is READ_BACK_WITHIN_S; only a wrong answer after this time is returned.
+        """
         deadline = self._clock.now() + READ_BACK_WITHIN_S
         right = 0
         while right < self.read_backs:

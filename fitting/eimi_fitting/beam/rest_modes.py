@@ -56,7 +56,7 @@ def _added(rows: Rows, share: float, mode: Callable[[Array], Array], before: Cal
     """Return a table of a rest shape with a smooth deviation (``mode``) added to its values.
 
     rows: the table, with a fraction of the beam's length and a value in each row. share: length of the flexible part
-    divided by the length of the beam. before: function that interpolates the table.
+    divided by the length of the beam. before: function that gives the value of the table at any fraction.
     """
     if rows:
         at, values = np.array(rows).T

@@ -66,11 +66,7 @@ class LoadCurve:
 
     @staticmethod
     def of_gravity(stiffness_Pa: float) -> LoadCurve:
-        """Return the moment of gravity as a function of the rotation of the tip, without a magnetic field.
-
-        The moment is -``stiffness_Pa`` times the rotation.
-        """
-        # Gravity acts like a spring.
+        """Return the moment of gravity, which acts like a spring: -``stiffness_Pa`` times the rotation of the tip."""
         ends = np.array([-3.0, 3.0])
         return LoadCurve(ends, -stiffness_Pa * ends, 0 * ends)
 

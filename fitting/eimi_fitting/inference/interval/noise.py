@@ -117,7 +117,8 @@ class Noise:
 def linearise_noise(problem: Problem, optimum: Optimum[Evaluation], effects: Sequence[Effect] = ()) -> Noise:
     """Return the linearised residuals of a fit, and the part of them that is noise.
 
-    ``effects`` are the changes of the fitted values by accurate beam models, which give the error of the beam model.
+    ``effects`` are the corrections of the fitted values by more accurate beam models. They also give the remaining
+    error of the beam model.
     """
     about, sources = linearise(problem, optimum), considered(problem, optimum.unit)
     if not sources:
