@@ -7,8 +7,9 @@ import pytest
 from eimi_drivers.clock import SimulatedClock
 from eimi_drivers.interfaces import Limits, Reading
 from eimi_drivers.supplies import SUPPLIES
+from eimi_drivers.supplies.aim_tti import SERIES
 from eimi_drivers.supplies.transport import InProcessTransport
-from tests.shared.supply_transcripts import TRANSCRIPTS, Transcript
+from tests.shared.supply_transcripts import AIM_TTI_TRANSCRIPTS, TRANSCRIPTS, Transcript
 
 
 def open_on(transcript: Transcript, driver: str, address: str = "somewhere"):
@@ -20,9 +21,19 @@ def test_every_driver_has_a_transcript():
     assert set(TRANSCRIPTS) == set(SUPPLIES)
 
 
-@pytest.mark.parametrize("driver", TRANSCRIPTS)
-def test_a_run_sends_exactly_these_messages(driver):
-    transcript = Transcript(*TRANSCRIPTS[driver])
+def test_every_series_of_aim_tti_has_a_transcript():
+    assert set(AIM_TTI_TRANSCRIPTS) == set(SERIES)
+
+
+@pytest.mark.parametrize(
+    ("driver", "transcript"),
+    [
+        *((driver, Transcript(*row)) for driver, row in TRANSCRIPTS.items()),
+        *(("aim-tti", Transcript(exchanges, "\n", "\r\n")) for exchanges in AIM_TTI_TRANSCRIPTS.values()),
+    ],
+    ids=[*TRANSCRIPTS, *(f"aim-tti {series}" for series in AIM_TTI_TRANSCRIPTS)],
+)
+def test_a_run_sends_exactly_these_messages(driver, transcript):
     supply = open_on(transcript, driver)
     supply.identify()
     supply.set_voltage(12.0)

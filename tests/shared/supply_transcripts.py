@@ -381,18 +381,40 @@ GENESYS = [
     *(("OUT?", "OFF"), ("OUT?", "OFF"), ("MC?", "00.040"), ("MV?", "00.000")),
 ]
 
-AIM_TTI = [
-    ("*IDN?", "THURLBY THANDAR, QL355P, 123456, 1.00 - 2.00"),
-    *(("*CLS", ""), ("IFLOCK", "1"), ("V1 12.00", ""), ("*ESR?", "0"), ("V1?", "V1 12.000")),
-    *(("I1 0.700", ""), ("*ESR?", "0"), ("I1?", "I1 0.7000")),
-    *(("TRIPRST", ""), ("LSR1?", "3"), ("OVP1 13.20", ""), ("OCP1 1.100", ""), ("*ESR?", "0")),
-    *(("OVP1?", "VP1 13.2"), ("OCP1?", "CP1 1.10")),
-    *(("OP1 1", ""), ("*ESR?", "0"), ("OP1?", "1")),
-    *(("I1O?", "0.6990A"), ("V1O?", "2.800V")),
-    *(("*ESR?", "0"), ("LSR1?", "2"), ("OP1?", "1")),
-    *(("I1 0.000", ""), ("OP1 0", ""), ("*ESR?", "0"), ("I1?", "I1 0.0000"), ("OP1?", "0")),
-    *(("I1O?", "0.0001A"), ("V1O?", "0.010V"), ("IFLOCK?", "1"), ("IFUNLOCK", "0")),
-]
+
+def aim_tti(model: str, current: str = "0.70", zero: str = "0.00", switched: bool = False) -> list[tuple[str, str]]:
+    """Return the messages of the driver of an Aim-TTi supply during a run, with the replies.
+
+    Parameters
+    ----------
+    model : str
+        Model of the supply.
+    current, zero : str
+        Texts of 0.7 A and 0 A in the commands.
+    switched : bool
+        Whether the protections are switched on before their levels are set (MX180TP manual, page 34: OVP<N> ON).
+    """
+    ovp, ocp = ([(f"{word}1 ON", "")] if switched else [] for word in ("OVP", "OCP"))
+    return [
+        ("*IDN?", f"THURLBY THANDAR, {model}, 123456, 1.00 - 2.00"),
+        *(("*CLS", ""), ("IFLOCK", "1"), ("V1 12.00", ""), ("*ESR?", "0"), ("V1?", "V1 12.000")),
+        *((f"I1 {current}", ""), ("*ESR?", "0"), ("I1?", "I1 0.7000")),
+        *(("TRIPRST", ""), ("LSR1?", "3"), *ovp, ("OVP1 13.20", ""), *ocp, ("OCP1 1.100", ""), ("*ESR?", "0")),
+        *(("OVP1?", "VP1 13.2"), ("OCP1?", "CP1 1.10")),
+        *(("OP1 1", ""), ("*ESR?", "0"), ("OP1?", "1")),
+        *(("I1O?", "0.6990A"), ("V1O?", "2.800V")),
+        *(("*ESR?", "0"), ("LSR1?", "2"), ("OP1?", "1")),
+        *((f"I1 {zero}", ""), ("OP1 0", ""), ("*ESR?", "0"), ("I1?", "I1 0.0000"), ("OP1?", "0")),
+        *(("I1O?", "0.0001A"), ("V1O?", "0.010V"), ("IFLOCK?", "1"), ("IFUNLOCK", "0")),
+    ]
+
+
+AIM_TTI_TRANSCRIPTS = {
+    "QL": aim_tti("QL355P", "0.700", "0.000"),
+    "MX": aim_tti("MX100TP", "0.700", "0.000", switched=True),
+    "QPX": aim_tti("QPX1200S"),
+    "CPX": aim_tti("CPX400DP"),
+}
 
 XLN = [
     *(("MODEL?", "XLN3640"), ("VERSION?", "1.08")),
@@ -417,7 +439,7 @@ KORAD = [
 TRANSCRIPTS = {
     "korad": (KORAD, "", ""),
     "genesys": (GENESYS, "\r", "\r"),
-    "aim-tti": (AIM_TTI, "\n", "\r\n"),
+    "aim-tti": (AIM_TTI_TRANSCRIPTS["QL"], "\n", "\r\n"),
     "bk-xln": (XLN, "\r\n", "\r\n"),
     **{driver: (exchanges, "\n", "\n") for driver, exchanges in SCPI_TRANSCRIPTS.items()},
 }

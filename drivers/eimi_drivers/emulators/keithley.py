@@ -6,7 +6,7 @@ The messages were written independently of the drivers, so that tests find a wro
 from __future__ import annotations
 
 from eimi_drivers.emulators.output_watchdog import OutputWatchdog
-from eimi_drivers.emulators.scpi import ScpiDialect, number, switch
+from eimi_drivers.emulators.scpi import MISSING_PARAMETER, Refused, ScpiDialect, number, switch
 from eimi_drivers.emulators.supply import CoilSupply
 from eimi_drivers.emulators.trip_level import TripLevel
 
@@ -78,5 +78,8 @@ class Keithley2260BDialect(ScpiDialect):
         return f"+{cause if state.tripped else 0}"
 
     def _apply(self, argument: str) -> bool:
-        voltage_V, current_A = (number(part) for part in argument.split(","))
+        voltage, comma, current = argument.partition(",")
+        if not comma:
+            raise Refused(MISSING_PARAMETER)
+        voltage_V, current_A = number(voltage), number(current)
         return self.supply.set_voltage(voltage_V) and self.supply.set_current(current_A)

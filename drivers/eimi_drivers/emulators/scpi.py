@@ -7,6 +7,7 @@ from typing import ClassVar
 
 from eimi_drivers.emulators.supply import CoilSupply
 
+MISSING_PARAMETER = '-109,"Missing parameter"'
 UNDEFINED_HEADER = '-113,"Undefined header"'
 DATA_TYPE_ERROR = '-104,"Data type error"'
 COMMAND_PROTECTED = '-203,"Command protected"'

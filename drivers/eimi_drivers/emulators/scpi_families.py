@@ -7,12 +7,19 @@ from __future__ import annotations
 
 import re
 
-from eimi_drivers.emulators.scpi import DATA_TYPE_ERROR, HARDWARE_MISSING, Refused, ScpiDialect, number, switch
+from eimi_drivers.emulators.scpi import (
+    DATA_TYPE_ERROR,
+    HARDWARE_MISSING,
+    MISSING_PARAMETER,
+    Refused,
+    ScpiDialect,
+    number,
+    switch,
+)
 from eimi_drivers.emulators.supply import CoilSupply
 from eimi_drivers.emulators.trip_level import TripLevel
 
 SETTINGS_CONFLICT = '-221,"Settings conflict"'
-MISSING_PARAMETER = '-109,"Missing parameter"'
 
 
 class _SeveralChannels(ScpiDialect):
@@ -164,8 +171,11 @@ class KepcoBopDialect(ScpiDialect):
         return True
 
     def _set_limit(self, side: str, argument: str) -> bool:
-        self._limits_A[side] = number(argument)
-        return 0 <= self._limits_A[side] <= self.supply.max_current_A
+        limit_A = number(argument)
+        if not 0 <= limit_A <= self.supply.max_current_A:
+            return False
+        self._limits_A[side] = limit_A
+        return True
 
     def _set_bound(self, side: str, argument: str) -> bool:
         bounds_V = self._bounds_V | {side: number(argument)}
