@@ -22,7 +22,7 @@ def matrix(report: ReportContents) -> list[tuple[ShownFit, list[tuple[Validation
     columns = [shown.validations for shown in report.datasets]
     least = [min((v.mean_error_mm for v in column if v.mean_error_mm is not None), default=None) for column in columns]
     return [
-        (fit, [(column[i], column[i].mean_error_mm == best) for column, best in zip(columns, least, strict=True)])
+        (fit, [(v[i], best is not None and v[i].mean_error_mm == best) for v, best in zip(columns, least, strict=True)])
         for i, fit in enumerate(report.fits)
     ]
 
