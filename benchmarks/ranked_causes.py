@@ -164,7 +164,7 @@ class Ranked:
 
     @property
     def is_said(self) -> bool:
-        """Whether the true modulus is in the 95 % interval, or in it after the correction that a warning states."""
+        """Whether the 95 % interval contains the true modulus, if necessary after it was shifted as a warning says."""
         if self.holds or self.doubted_percent is None:
             return self.holds
         least, most = self.doubted_percent

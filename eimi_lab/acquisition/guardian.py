@@ -57,7 +57,7 @@ class Ward:
     off_below_A : float or None
         Largest current that counts as off, A; None for the default.
     packed : str
-        Driver of the user's program, as text; empty for an installed driver.
+        Class of a driver that the user's own program defines, pickled and written as text; empty for other drivers.
     identity : tuple or None
         Identification text and serial number of the run's supply; None until they are known.
     recognised : bool

@@ -129,7 +129,7 @@ class LawRecord:
         return []
 
     def held_by_bounds(self) -> tuple[str, ...]:
-        """Return the names of the parameters that only the bounds of the search limit."""
+        """Return the names of the parameters that the data do not limit, but only the bounds of the search."""
         return ()
 
     def stretch_in_words(self) -> str:

@@ -20,7 +20,7 @@ from eimi_lab.process.errors import InputError
 class RunDesk:
     """The runs that the live web page starts, one at a time.
 
-    Only one browser tab may start, pause and end a run. Every tab can stop the run.
+    Only one browser tab may control a run. Every tab can stop it at once.
     """
 
     def __init__(self, folder: DataFolder, worker: Worker, tabs: Tabs) -> None:

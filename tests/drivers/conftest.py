@@ -22,7 +22,7 @@ SERIAL_DRIVERS = ("korad", "genesys")
 def links(quick: tuple[str, ...]) -> list[object]:
     """Return the links of all drivers (texts such as "korad over tcp") as parameters of a test.
 
-    Links in the same process and in `quick` are always tested; other links are marked slow.
+    Tests with a link "... in process" or a link in `quick` always run; those with another link are marked slow.
     """
     real = [f"{driver} {where}" for driver in DIALECTS for where in ("on a pty", "over tcp")]
     slow = (pytest.param(link, marks=pytest.mark.slow) for link in real if link not in quick)

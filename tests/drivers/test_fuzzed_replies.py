@@ -131,7 +131,7 @@ def fuzz(driver: str, spoils: list[Spoil], milliamperes: int, locked: bool, figu
     def attempt(act: Callable[[], Found], questions: int = 1) -> Found | None:
         """Call `act`; return its result, or None after an InstrumentError.
 
-        questions : number of queries that may time out in this call
+        questions : number of queries in the call that may time out; the call must not take longer than these time-outs
         """
         began_s, sent_before = clock.now(), len(link.sent)
         line.handed_out.clear()

@@ -269,7 +269,7 @@ def optimum(unit: float, objective_mm: float = 1.0) -> Any:
 
 @dataclass(frozen=True)
 class Fit:
-    """Replaces a fit; the modulus changes by 100 per cent if its unknown changes by 1."""
+    """Replaces a fit. If the only unknown of the fit changes by 1, the modulus changes by 100 per cent."""
 
     name: str
     experiments: tuple[str, ...] = ("beam",)

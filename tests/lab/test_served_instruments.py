@@ -1,4 +1,4 @@
-"""The served bench connects all instruments to one coil, at the addresses that the rig file gives."""
+"""`eimi emulate bench` emulates all instruments of a rig file at their addresses, with one coil for all of them."""
 
 from __future__ import annotations
 

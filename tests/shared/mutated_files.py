@@ -145,7 +145,7 @@ def recovered(path: Path) -> str:
 
 
 def read(path: Path) -> str:
-    """Read a file completely; return "read", "refused" or "refused in several lines" (of an error)."""
+    """Read a file completely; return "read", "refused", or "refused in several lines" (of a message)."""
     try:
         match next(kind for ending, kind in READERS.items() if path.name.endswith(ending)):
             case "dataset":

@@ -121,7 +121,7 @@ class PhoneFilm:
     finger : bool
         Whether the finger is drawn.
     quality : int
-        JPEG quality (0 to 100) before compression.
+        JPEG quality (0 to 100) of the frames before the video is encoded.
     """
 
     scene: PhoneScene

@@ -171,5 +171,8 @@ def assumed_variance(least: float, scatter: Array, inside: NDArray[np.float32]) 
 
 
 def inside_of(colours: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the colours at the nine points inside each strip, from the colours at 15 points across the strip."""
+    """Return the colours at the middle nine of 15 points across each assumed strip of the beam.
+
+    The other points lie outside the strip.
+    """
     return colours[:, _INSIDE]

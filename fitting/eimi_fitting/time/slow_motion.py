@@ -59,12 +59,13 @@ def displacement_per_rad(beam: RingingBeam, modulus_Pa: float, loads: Loads, bef
 def shown_rotations(
     beam: RingingBeam, modulus_Pa: float, rest_mm: Array, signals: Signals, per_rad_mm: Array
 ) -> tuple[Array, Array] | None:
-    """Return rotations of the tip in rad, increasing, and the values that the pictures give for them.
+    """Return rotations of the tip in simulated equilibria, and the rotations that would be measured in their pictures.
 
-    The two differ for large rotations, because the measurement divides displacements by a constant.
+    Both are in rad and increasing. They differ if the rotation is large, because the measurement divides displacements
+    by a constant. The result is None if the rotations of soft and stiff beams hardly differ.
 
-    The result is None if the rotation hardly depends on the modulus. modulus_Pa: a typical shear modulus. rest_mm:
-    positions (x, y) of p points at rest, (p, 2). per_rad_mm: their displacements for a rotation by one rad, (p, 2).
+    modulus_Pa: a typical shear modulus; the equilibria are those of softer and stiffer beams. rest_mm: positions (x, y)
+    of p points at rest, (p, 2). per_rad_mm: their displacements for a rotation by one rad, (p, 2).
     """
     model = beam.planar()
     places = _places(beam, rest_mm)

@@ -119,7 +119,7 @@ class EdgeNoise:
 
 @dataclass(frozen=True)
 class Candidates:
-    """The S load cases from which a plan chooses, with what the edges of each tell about n unknowns of the law.
+    """The S load cases from which a plan chooses, with the information of their edges about n unknowns of the law.
 
     The goal of the plan is the initial shear modulus or a parameter of the law.
 
