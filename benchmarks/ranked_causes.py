@@ -88,7 +88,7 @@ class Ranked:
 
     @staticmethod
     def of(fit: Fit, cause: str, seed: int, shape: str, true_Pa: float) -> Ranked:
-        """Return the result of ``fit``; the simulated bench had the true ``cause`` (or two, joined by ``+``)."""
+        """Return the result of a fit to a bench with the simulated error ``cause``, or with two, joined by ``+``."""
 
         def percent(ends: tuple[float, float]) -> tuple[float, float]:
             low, high = (100 * (end / true_Pa - 1) for end in ends)

@@ -1,6 +1,6 @@
 """Verify frequencies, loss factors and viscoelastic (Prony) laws.
 
-python -m benchmarks.time [--hidden 2] [--seed 1]
+python -m benchmarks.time [--hidden MATERIALS] [--seed SEED]
 
 The first table compares computed frequencies with Euler-Bernoulli beams, with exact values of two oscillators, and with
 a simulated free vibration. The second table shows the errors of fits of simulated materials with two Prony terms.

@@ -122,7 +122,7 @@ def bulk_ends(
     """Return the intervals of two unknowns from `estimate._ends`, and the points at which the deviance was computed.
 
     values : the deviances, in the order in which they are computed
-    high : upper end of the second interval that a replacement of `estimate.interval_ends` returns
+    high : upper end of the interval of the second unknown
     has_bulk : whether the second unknown is the bulk modulus
     """
     points, objective_mm = 50.0, 0.02

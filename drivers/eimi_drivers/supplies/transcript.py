@@ -143,8 +143,8 @@ class ReplayedTransport:
             number, kind, text = self._events[self._next]
             count = len(self._events) - self._next
             raise TranscriptMismatch(
-                f"{count} events of the transcript never happened, the first of which is in line {number}: {kind} "
-                f"{text}"
+                f"the program ended before the end of the transcript: {count} events did not happen, the first of "
+                f"which is in line {number}: {kind} {text}"
             )
 
 

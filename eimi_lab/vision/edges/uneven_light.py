@@ -31,7 +31,7 @@ def light_along(
     stations_px : ndarray, shape (m,)
         Distances along the lines.
     counts : sequence of int
-        Number of places on each edge, in the order of the places.
+        Number of places on each edge; the places of the first edge come first.
 
     Returns
     -------

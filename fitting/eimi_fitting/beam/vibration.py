@@ -115,10 +115,9 @@ class Vibration:
     ) -> ReducedMotion:
         """Return the stiffness and mass matrices of m shapes of motion about the equilibria ``now``.
 
-        basis: displacements of N nodes, (m, N, d), and motion of the magnet, (m, 3); None: the lowest undamped modes.
-        shapes: number of modes for each ratio in ``stiffenings``. stiffenings: modulus divided by the static modulus.
+        basis: displacements of N nodes, (m, N, d), and motion of the magnet, (m, 3); None: the lowest undamped modes
+        for each ratio (dynamic to static modulus) in ``stiffenings``, of which there are `shapes` for each ratio.
         """
-        # The shapes are the modes for all ratios in ``stiffenings`` together.
         b = len(now.rigid)
         batch, factor = chosen.take(np.arange(b))
         on_mesh = loads.on(self.model.loaded)(loads.state(0), factor)

@@ -60,7 +60,7 @@ class Yeoh(InvariantLaw):
     )
 
     def from_coordinates(self, x: Array) -> Array:
-        """Return C10, C20 and C30, (P, 3), from the coordinates of the search 2 C10, C20/C10 and C30/C10, (P, 3)."""
+        """Return C10, C20 and C30, (P, 3), from the coordinates of the search, (P, 3): 2 C10, C20/C10, C30/C10."""
         return 0.5 * x[:, :1] * np.column_stack([np.ones(len(x)), x[:, 1], x[:, 2]])
 
     def initial_shear_modulus(self, parameters: Array) -> Array:
