@@ -384,9 +384,7 @@ def test_a_read_where_the_transcript_has_a_message_is_a_mismatch(tmp_path: Path)
     with pytest.raises(TranscriptMismatch, match=r"sent B\?.*, but line 3 of the transcript is: < 1"):
         line.write(b"B?\n")
     assert line.read(9, 1.0, b"\n") == b"1\n"
-    with pytest.raises(
-        TranscriptMismatch, match="2 events of the transcript never happened, the first of which is in line 4: > B"
-    ):
+    with pytest.raises(TranscriptMismatch, match="2 events did not happen, the first of which is in line 4: > B"):
         line.assert_complete()
     with pytest.raises(InstrumentTimeout, match="stuck"):
         line.write(b"B?\n")

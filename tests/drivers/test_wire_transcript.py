@@ -58,9 +58,7 @@ def test_a_message_that_differs_from_the_transcript_is_reported(tmp_path: Path) 
     supply, wire = replayed("scpi", file)
     with pytest.raises(TranscriptMismatch, match=r"sent CURR 0\.600.*line 2 of the transcript is: > CURR 0\.700"):
         supply.set_current(0.6)
-    with pytest.raises(
-        TranscriptMismatch, match="3 events of the transcript never happened, the first of which is in line 2"
-    ):
+    with pytest.raises(TranscriptMismatch, match="3 events did not happen, the first of which is in line 2"):
         wire.assert_complete()
     with pytest.raises(TranscriptMismatch, match=r"sent CURR\?.* after the end"):
         supply.set_current(0.7)
