@@ -111,9 +111,9 @@ class Mutant:
     is_generated: bool = False
 
     def room_tests(self, project: Path) -> list[str]:
-        """Return the test files to run after ``tests`` for a mistake that was generated at random, else an empty list.
+        """Return the test files that run if none of ``tests`` detects the mistake: files that import ``self.file``.
 
-        These are the files that import ``self.file``, and the files that ``room_tests.toml`` lists for its folder.
+        Those that ``room_tests.toml`` lists for the folder of the file are added. A mistake from a list has none.
         """
         if not self.is_generated:
             return []

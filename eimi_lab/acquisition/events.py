@@ -78,9 +78,9 @@ class OutputSwitched(Event):
 class ShapeChange:
     """How far the load cycles before a run changed the shape of the beam at one current.
 
-    The beam at rest after the last load cycle is compared with the beam at rest in the earlier cycle `since_cycle`; 0
+    An image of the still beam after the last load cycle is compared with one after the earlier cycle `since_cycle`; 0
     means before the first cycle. `tip_moved_px` and `tip_moved_mm` are the distance between the two positions of the
-    tip (pixels and mm). If the tip is not visible in both images, they are null, and `difference_ratio` is the
+    tip (pixels and mm). If the tip is not visible in both images, they are null, and `difference_ratio` is given: the
     difference of the two images, divided by the difference that the noise of the camera alone causes.
     """
 

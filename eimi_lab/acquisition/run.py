@@ -92,7 +92,8 @@ def check_request(protocol: Protocol, specimen: SpecimenFile, rig: Rig) -> None:
         if sensor.at_rest_A is not None and sensor.at_rest_A > strict_A:
             raise InputError(
                 f"rig {rig.name}: at_rest_A = {sensor.at_rest_A:g} of the sensor {sensor.name} should be at most "
-                f"{strict_A:g} A, the smaller of the limits of the current in rig and protocol"
+                f"{strict_A:g} A, the smaller of the limits of the current in rig and protocol, because the coil must "
+                "carry this current"
             )
     if protocol.tip_force_N and rig.virtual:
         raise InputError(

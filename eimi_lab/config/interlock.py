@@ -51,11 +51,11 @@ class Interlock(Table):
         Examples
         --------
         >>> Interlock(reading="coil_voltage_V", maximum=12.0).in_words
-        'coil_voltage_V at most 12, without a reading for at most 5 s'
+        'coil_voltage_V at most 12, read at least every 5 s'
         """
         bounds = [("at least", self.minimum), ("at most", self.maximum)]
         words = " and ".join(f"{bound} {value:g}" for bound, value in bounds if value is not None)
-        return f"{self.reading} {words}, without a reading for at most {self.longest_silence_s:g} s"
+        return f"{self.reading} {words}, read at least every {self.longest_silence_s:g} s"
 
 
 def check_readings(interlocks: Sequence[Interlock], readings: Sequence[str]) -> None:

@@ -38,7 +38,9 @@ _MAGNETIC = ("moment", "coil", "remanence")  # sources that only multiply the ma
 
 @dataclass(frozen=True)
 class ExpectedRingDown:
-    """Expected half-widths of the 95 % intervals for a run with one ring-down (free vibration) in zero field.
+    """Expected half-widths of the 95 % intervals for a run that ends with a ring-down (free vibration) in zero field.
+
+    After the ring-down the creep of the beam is also measured.
 
     Attributes
     ----------
@@ -47,11 +49,11 @@ class ExpectedRingDown:
     dynamic_percent : float
         Half-width for the modulus from the ring-down alone.
     without_percent, with_percent : float
-        Half-widths for the static modulus, without and with a ring-down and creep.
+        Half-widths for the static modulus, without and with the data of ring-down and creep.
     moment_share_percent : float
-        Part of ``without_percent`` due to the magnetic moment and the field.
+        Part of ``without_percent`` that is due to the uncertainty of magnetic moment times field.
     moment_percent : float or None
-        Half-width for the magnetic moment and the field with ring-down and creep.
+        The corresponding part of ``with_percent``.
     """
 
     frequency_Hz: float

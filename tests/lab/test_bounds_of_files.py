@@ -602,7 +602,7 @@ def test_the_power_of_the_coil_is_current_times_voltage() -> None:
         "coil_power_W": 1.5,
     }
     both = Interlock(reading="probe", minimum=-1.0, maximum=2.5, longest_silence_s=3.0)
-    assert both.in_words == "probe at least -1 and at most 2.5, without a reading for at most 3 s"
+    assert both.in_words == "probe at least -1 and at most 2.5, read at least every 3 s"
     check_readings([both], ["x", "probe"])
     with pytest.raises(ValueError, match=r"interlocks\.1\.reading = 'probe' is not a reading; the readings are prob"):
         check_readings([Interlock(reading="prob", maximum=1.0), both], ["prob"])

@@ -168,7 +168,7 @@ def test_the_steps_of_a_long_run_are_summarised(setup: Any) -> None:
         "short on small with rig bench: 10 states",
         "limits of the supply: 1 A, 10 V; each ramp changes the current by 10 A/s",
         f"coil: heated to at most {100 * worst.share:.0f} % of the allowed heat, at the end of {worst.stage}",
-        "interlock: coil_voltage_V at most 8, without a reading for at most 5 s",
+        "interlock: coil_voltage_V at most 8, read at least every 5 s",
         "conditioning: 3 cycles to 0.5 A and back to 0",
         *[f"state {index}: {index / 10:g} A, {0.47 * index:.4g} mT, 2 frames" for index in range(6)],
         "… 2 states between …",

@@ -177,7 +177,7 @@ def test_a_wrong_current_while_a_state_is_stored_switches_off_and_ends_the_run_a
 
 
 def ended(run: Heeding, **errors: Exception) -> list[Any]:
-    """End a run whose coil raises `errors`, by the name of its method; return the calls and types of events."""
+    """End a run; return the calls and the types of events. `errors`: what each method of the coil raises."""
     run.coil.errors.update(errors)
     ramp_down_and_switch_off(run.coil, run.guardian, on_event=run.did.append)
     return run.done()

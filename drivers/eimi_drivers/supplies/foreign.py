@@ -72,7 +72,7 @@ class ForeignSupply:
         self.limits: Limits = supply.limits
 
     def __getattr__(self, member: str) -> Any:
-        """Return an optional member of the supply, such as `without_contact`; raise AttributeError if it is absent."""
+        """Return an optional attribute or method of the supply; raise AttributeError if the supply does not have it."""
         try:
             return getattr(self._supply, member)
         except (AttributeError, InstrumentError):

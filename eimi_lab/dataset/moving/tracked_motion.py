@@ -23,7 +23,8 @@ def read_tracked_motion(
 ) -> tuple[Motion, ...]:
     """Read motions from the file of a tracking program.
 
-    A marker at most 5 % of the beam's length away from the beam stands for its nearest point; others are left out.
+    A marker is used if its distance from the beam is at most 5 % of the beam's length. It then gives the motion of the
+    nearest point of the beam.
 
     Parameters
     ----------

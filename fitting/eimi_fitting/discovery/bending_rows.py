@@ -183,9 +183,9 @@ def _whitened(
 ) -> tuple[Rows, float]:
     """Return the linear equations of one beam, scaled to independent errors of variance 1, and the noise in mm.
 
-    model_error: error of the beam model, mm, (K, 2, m) for K states and two groups of m points. slopes: derivatives of
-    the residuals by J coefficients of the law, mm/Pa, (J, K, 2, m). nuisances: changes of the residuals by q errors of
-    inputs of one standard uncertainty, mm, (q, K, 2, m). about: coefficients at which the residuals were computed, Pa.
+    model_error: error of the beam model, mm, (K, 2, m) for K states and two edges with m points. slopes: derivatives of
+    the residuals by J coefficients of the law, mm/Pa, (J, K, 2, m). nuisances: changes of the residuals if one of q
+    inputs changes by its standard uncertainty, mm, (q, K, 2, m). about: coefficients of the law for the residuals, Pa.
     """
     residuals, weights = misfit.residuals[0], misfit.weights
     used = weights > 0

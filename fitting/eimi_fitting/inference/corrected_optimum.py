@@ -54,7 +54,7 @@ class SearchEnd:
     Parameters
     ----------
     problem : Problem
-        The fit, with the corrections of the residuals.
+        The fit, whose residuals are corrected for the errors of the beam model.
     optimum : Optimum
         The optimum of the unknowns.
     effects : tuple of Effect
@@ -114,7 +114,7 @@ def refine(problem: Problem, unit: Array, seed: int) -> SearchEnd:
 
 
 def _valid(problem: Problem, unit: Array) -> Array:
-    """Return values near ``unit`` of the n unknowns, (n,), for which the beam is stable, or ``unit``."""
+    """Return values of the n unknowns near ``unit`` for which the beam is stable; ``unit`` itself if none is found."""
     # The search used a coarse mesh. A finer mesh has larger stretches, at which the law may be unstable. All unknowns
     # but the first, the modulus, are moved toward the middle of their ranges.
     toward = np.full(len(unit), 0.5)

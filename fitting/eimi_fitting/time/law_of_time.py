@@ -298,7 +298,7 @@ def _features(terms: Terms, unknowns: Array, omegas: Array) -> Array:
 
 
 def drawn(optimum: TimeOptimum, steps: Mapping[str, Array], seed: int, omegas: Array, of_sources: bool = True) -> Array:
-    """Return D random draws of the m unknowns from their posterior distribution, (D, m).
+    """Return random draws of the m unknowns from their posterior distribution, (draws, m).
 
     steps: the changes of the unknowns by each uncertain input, (components of the input, m). omegas: angular
     frequencies of the data in rad/s. of_sources: whether the draws contain the errors of the inputs.

@@ -1,4 +1,4 @@
-"""WebSockets that do not behave like a tab of the dashboard are closed without a message of the server."""
+"""The server closes a WebSocket that does not behave like a browser tab of the page, and logs no error."""
 
 from __future__ import annotations
 

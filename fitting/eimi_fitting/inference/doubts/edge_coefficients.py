@@ -36,7 +36,7 @@ class Projection:
     over_states, over_groups : tuple of ndarray, shape (K, K) and (G, G)
         Orthogonal matrices that make errors of different load cases, or edges, uncorrelated.
     noise, error : ndarray, shape (N,)
-        Variance in mm^2 of each coefficient due to noise, and due to unexplained errors if their size were 1 mm.
+        Variance in mm^2 of each coefficient due to noise, and due to other errors with a standard deviation of 1 mm.
     """
 
     bases: tuple[Array, ...]

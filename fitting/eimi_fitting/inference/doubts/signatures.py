@@ -312,7 +312,10 @@ def _groups(problem: Problem, cause: PossibleCause) -> list[tuple[tuple[int, ...
 
 
 def signature(here: Solved, cause: PossibleCause, part: int, size: float) -> Array | None:
-    """Return the change of the residuals in mm per unit of one component of a bench error, or None."""
+    """Return the derivative of the residuals in mm by one component of a bench error; None if there is no equilibrium.
+
+    part: index of the component, such as x or y of a shift. size: its usual size.
+    """
     if cause.change is None:
         return _as_solid(here)
     sides = []

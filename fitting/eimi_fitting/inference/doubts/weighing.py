@@ -190,9 +190,9 @@ class Weighing:
         return float(np.linalg.norm(parts)) if parts else 0.0
 
     def if_exact(self, base: int, rows: Sequence[int]) -> Exact:
-        """Return the probabilities of the bench errors outside the set ``base``, if some inputs have no error.
+        """Return the probabilities of further bench errors beside a given set, if some inputs are exact.
 
-        base: index of a set of bench errors, which are present. rows: indices of these inputs.
+        base: index of the given set of bench errors. rows: indices of the exact inputs.
         """
         hypothesis = self.hypotheses[base]
         causes = [cause for cause in range(len(self._causes)) if cause not in hypothesis]

@@ -287,7 +287,7 @@ _FARTHEST = 2.0
 
 
 def steps_of(about: Linearisation, sources: Sequence[ConsideredSources], covariance: Array) -> Steps:
-    """Return two changes of the fitted values: by errors of the inputs ``sources``, and by a fit without bounds.
+    """Return how errors of the inputs ``sources`` change the fitted values, and how far the bounds hold them back.
 
     ``covariance`` (n, n) is the covariance of the n unknowns due to noise and priors.
     """
