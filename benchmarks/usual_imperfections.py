@@ -86,10 +86,9 @@ def kind(case: Case) -> tuple[str, float]:
 
 
 def mean_ends(full: Sequence[Outcome]) -> Ends:
-    """Return the mean 95 % interval of fits, as ln(lower end / modulus) and ln(upper end / modulus).
+    """Return the mean 95 % interval of the modulus, as ln(lower end / modulus) and ln(upper end / modulus).
 
-    full: fits as by `eimi fit`, not quick ones. The result has one mean for each beam (dimensions as text) and noise
-    (mm).
+    full: results of complete fits. The mean is computed for each beam (dimensions as text) with each noise (mm).
     """
     groups: dict[tuple[str, float], list[Array]] = {}
     for o in full:

@@ -216,7 +216,7 @@ class Coil:
 
     @contextmanager
     def _marking_out_of_control(self) -> Iterator[None]:
-        """Set `out_of_control` if the body of the with statement raises BeyondInterlock."""
+        """Note that a reading exceeded an interlock if the body of the with statement raises BeyondInterlock."""
         try:
             yield
         except BeyondInterlock:

@@ -256,8 +256,8 @@ def segment(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="corrected calibration.toml, which replaces the calibration in the dataset; the dataset keeps the old "
-            "text",
+            help="corrected calibration.toml, which replaces the calibration in the dataset; the old calibration is "
+            "kept there as a record",
         ),
     ] = None,
     csv: Annotated[

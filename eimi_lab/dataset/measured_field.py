@@ -54,9 +54,10 @@ def field_line(
 ) -> FieldLine | None:
     """Fit the straight line B = slope · I + offset to gaussmeter readings by least squares.
 
-    I is the coil current, and B the field at the magnet: the reading times ``sensor.at_magnet``. The variances of three
-    errors are added (JCGM 100:2008, 5.1.2): scatter (at least the uncertainty u of one reading at the magnet), zero
-    error (u, for the offset) and scale error (``sensor.uncertainty_share``, for the slope).
+    I is the coil current, and B the field at the magnet: the reading times ``sensor.at_magnet``. Let u be the standard
+    uncertainty of one reading. The variance of the slope is the sum of the variances due to the scatter of the readings
+    (at least u) and to the scale of the sensor (``sensor.uncertainty_share``). The variance of the offset is the sum
+    of those due to the scatter and to the zero of the sensor (u) (JCGM 100:2008, 5.1.2).
 
     Parameters
     ----------

@@ -57,9 +57,9 @@ class DatasetContents:
 
     @property
     def best(self) -> Prediction[ShownFit] | None:
-        """Return the simulation for figures with only one fit; None if no fit gives an equilibrium of the beam.
+        """Return the simulation for figures that show only one fit; None if no fit gives an equilibrium of the beam.
 
-        This is the simulation with the fit `leading` or, if it has no equilibrium, the simulation with the smallest
+        This is the simulation with the fit ``leading`` if there is one, and otherwise the simulation with the smallest
         mean error.
         """
         return self.simulated_by(self.leading) or min(

@@ -100,7 +100,7 @@ def complains_while(on: bool) -> Callable[..., None]:
 
 
 def quietly(*errors: type[Exception]) -> Callable[[str], Callable[..., Any]]:
-    """Return a function that makes a faulty copy of the `Scpi` method with a given name: the copy hides `errors`."""
+    """Return a function that makes a faulty copy of a method of `Scpi`; the copy ignores the given exceptions."""
 
     def member(name: str) -> Callable[..., Any]:
         def act(self: Any, *arguments: Any) -> Any:

@@ -1,4 +1,4 @@
-"""The interval of the predicted error of a fit on another beam includes the uncertainties of this beam."""
+"""If a fit predicts the bending of another beam, the interval of the error includes the uncertainty of that beam."""
 
 from __future__ import annotations
 

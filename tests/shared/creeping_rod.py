@@ -133,10 +133,10 @@ class CreepingRod:
         return roots, np.real(vectors[:, int(np.argmin(values.real))]), masses[0]
 
     def record(self, field_mT: float, seconds: float, times_s: Array, vibrates: bool = True) -> tuple[Array, complex]:
-        """Change the field at once; return n coordinates at m times after the change, (m, n), and a complex rate (1/s).
+        """Change the field at once; return the n coordinates of the rod at m times after it, and a complex rate (1/s).
 
-        The rate changes with the creep; it is returned for the time at which the amplitude is a fifteenth of the first.
-        vibrates : False for creep alone
+        The rate (decay and angular frequency) of the vibration changes with the creep. It is returned for the time at
+        which the amplitude has fallen to a fifteenth. vibrates : False for creep alone
         """
         before = self.coordinates
         times, slow = self.hold(field_mT, seconds)

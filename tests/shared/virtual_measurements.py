@@ -148,7 +148,10 @@ def begun_at(model: str, rng: np.random.Generator) -> Array:
 
 @cache
 def effect_of_depth(model: str, specimen: Specimen) -> DepthEffect | None:
-    """Return the differences between solid and planar shapes of a bent beam; None for a planar section."""
+    """Return the differences between the shapes of the solid and of the planar model of a bent beam.
+
+    The result is None for a specimen that is simulated by the planar model.
+    """
     if specimen.section != "solid":
         return None
     turns = Loads.along(np.linspace(0.0, 1.1 * FIELD_MT[-1], 8))

@@ -22,7 +22,8 @@ _FARTHEST_AXIS = 2.0  # displacement of the lens axis up to which a distortion i
 def _by_picture(displacement: Callable[[Experiment, Array, Array], Array], shift: int | None = None) -> Change:
     """Return a function that corrects the measured points of an experiment for an error of the picture.
 
-    ``displacement`` returns the displacements in mm of points by the error.
+    displacement: returns the displacements in mm that the error causes. shift: index of the first of two amplitudes
+    that shift all points, if there are any.
     """
 
     def change(assumed: Assumed, amplitudes: Array) -> Assumed:

@@ -29,7 +29,7 @@ def _tapered(assumed: Assumed, amplitudes: Array) -> Assumed:
 
 
 def _untwisted(assumed: Assumed, amplitudes: Array) -> Assumed:
-    """Return the assumptions of a fit, with edges that are corrected for a twist of the beam by its magnet."""
+    """Return what a fit assumes, after its measured edges were corrected for a twist of the beam by its magnet."""
     # The amplitude is the angle between the magnetic moment and the plane of the picture.
     law, parameters, angle_deg = assumed.law, assumed.parameters, float(amplitudes[0])
     experiment = without_twist(assumed.experiment, assumed.with_errors, law, parameters, angle_deg)

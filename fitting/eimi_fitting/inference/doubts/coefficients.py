@@ -99,7 +99,7 @@ class Coefficients:
     def column(self, row: int) -> Column:
         """Return how one of the unknowns changes the residuals.
 
-        row: index of an error of an input with a stated uncertainty, or of a bench error.
+        row: index of the unknown, which is the error of an uncertain input or a wrong assumption about the bench.
         """
         return self.columns[row - self.law if row < self.common else row - self.law - self.common + self.simulated]
 

@@ -63,9 +63,9 @@ class Column:
 
 @dataclass(frozen=True)
 class Solved:
-    """The shapes and residuals (mm) that are simulated with everything that a fit assumes, ``assumed``.
+    """The simulated shapes and the residuals (mm) that follow from the assumptions of a fit.
 
-    ``bent`` is the experiment with the assumed errors of inputs, such as a wrong width.
+    ``bent`` is the experiment in which the inputs, such as the width, have the assumed values.
     """
 
     assumed: Assumed

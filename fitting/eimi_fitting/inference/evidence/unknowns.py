@@ -138,7 +138,7 @@ class Setup:
         return Setup(factor, linear, shift)
 
     def take(self, rows: Rows) -> Setup:
-        """Return the errors for only the sets of unknowns with the indices ``rows``."""
+        """Return the values for the candidates with the indices ``rows``."""
         return Setup(self.field_factor[rows], self.linear[rows], self.shift_mm[rows])
 
     def corrected(self, places_mm: Array) -> Array:

@@ -134,7 +134,8 @@ def doubtful_loads(problem: Problem, scan: Scan, independent_points: float) -> t
     Raises
     ------
     NamedCause
-        If such a mistake is found, and the error with the stated loads exceeds 0.2 times that of an unbent beam.
+        If such a mistake is found, and with the stated loads the beam model describes the bending badly: its residuals
+        exceed 0.2 times those of a beam that stays straight.
     """
     causes: list[NamedCause] = []
     # The loads explain all datasets together.
