@@ -59,8 +59,8 @@ class Case:
     noise : float
         Standard deviation of the tensile noise, divided by the largest stress.
     off : float
-        Largest factor between the fixed numbers (Jm, b, alpha) of the material and of the terms that `eimi discover`
-        tries.
+        Largest factor by which the fixed numbers (Jm, b, alpha) of the material differ from those of the terms that
+        `eimi discover` tries.
     evidence
         The kinds of data: the bent beam, the tensile test, or both.
     """

@@ -191,8 +191,8 @@ class RingDown(Table):
     def _moves(cls, from_A: float | None) -> float | None:
         if from_A == 0:
             raise ValueError(
-                "does not move the beam; give the current that flows until it is set to zero, or leave the key out to "
-                "use the last current of the run"
+                "should not be zero, because the beam then does not move; give the current that flows before the "
+                "ring-down, or leave the key out to use the last current of the run"
             )
         return from_A
 

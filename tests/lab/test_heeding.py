@@ -83,7 +83,7 @@ class Heeding:
         self.heeded = heeded(self.did, self.coil, self.guardian)
 
     def done(self) -> list[Any]:
-        """Return the calls, and the types of the events, since the last call of this method."""
+        """Return the recorded calls of coil and guardian and the types of the events, and forget them."""
         new = [type(one) if isinstance(one, Event) else one for one in self.did]
         self.did.clear()
         return new

@@ -167,7 +167,7 @@ def test_a_release_in_a_file_of_an_earlier_version_is_read_as_a_ring_down(setup:
 @pytest.mark.parametrize(
     ("lines", "stored"),
     [
-        ("ring_down = { seconds = 5.0, from_A = 0.0 }", "does not move the beam"),
+        ("ring_down = { seconds = 5.0, from_A = 0.0 }", "should not be zero, because the beam then does not move"),
         ("ring_down = { seconds = 5.0, from_A = 3.0 }", "ring_down.from_A goes to 3 A"),
         ("ring_down = { seconds = 0.0 }", "seconds"),
         (

@@ -312,7 +312,7 @@ class PhoneFilm:
 
 
 def hidden_strip(specimen: Specimen, instantaneous_Pa: float, series: Prony, axis_deg: float = 0.0) -> HiddenStrip:
-    """Return a strip of a known material, whose clamped end points `axis_deg` degrees below the horizontal."""
+    """Return a virtual strip of a given material; its clamp points `axis_deg` degrees below the horizontal."""
     law, model = LAWS["neo-hookean"], SolidBeside(specimen, *MESH)
     at_rest_Pa = instantaneous_Pa * float(series.ratio(60.0))
     parameters = np.array([[at_rest_Pa]])

@@ -119,7 +119,7 @@ def stated() -> tuple[StatedSource, ...]:
 
 @cache
 def usual() -> tuple[StatedSource, ...]:
-    """Return the usual standard uncertainty of every input with a telecentric camera, by input."""
+    """Return the usual standard uncertainties of all inputs of a measurement with a telecentric camera."""
     return tuple(
         StatedSource(name, source.usual, source.stated_in)
         for name, source in SOURCES.items()

@@ -71,7 +71,7 @@ class _Inert:
         """Ignore an item of a list that the pickle fills."""
 
     def extend(self, values: Any) -> None:
-        """Ignore the items of a list that the pickle fills."""
+        """Do nothing; the unpickler calls this method if the object is a list in the file."""
 
 
 def _create_array(make: Any, arguments: Any, state: Any, attributes: Any = None) -> Any:

@@ -111,7 +111,7 @@ def measure_clamp(image: NDArray[Any], specimen: SpecimenFile, calibration: Cali
     specimen : SpecimenFile
         The specimen in the image.
     calibration : Calibration
-        Scale and axis must be right, `clamp_midpoint_px` to a third of a beam's width.
+        Its scale and axis must be right. Its `clamp_midpoint_px` may be wrong by a third of the beam's width.
 
     Raises
     ------

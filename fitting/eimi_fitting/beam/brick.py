@@ -229,9 +229,10 @@ def _parts(elements: int) -> list[slice]:
 
 
 def predict_stress(ops: Operators, ev: Evaluation, step: Array, pressure_step: Array) -> Array:
-    """Return the second Piola-Kirchhoff stress after a linear step, (6, E, B, q) in MPa at q points of E elements.
+    """Return the second Piola-Kirchhoff stress in MPa after a linear step, (6, E, B, q).
 
-    step, pressure_step: changes of the displacements in mm, (E, B, 3, 27), and of the pressures in MPa, (E, B, 4).
+    The stress is that at q points of E elements for B candidate laws. step, pressure_step: changes of the displacements
+    in mm, (E, B, 3, 27), and of the pressures in MPa, (E, B, 4).
     """
     h = gradients(ops, step)
     g = np.stack([[(ev.F[:, I] * h[:, J]).sum(axis=0) for J in range(3)] for I in range(3)])

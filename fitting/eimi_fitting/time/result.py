@@ -311,7 +311,10 @@ def result_of(
 
 
 def _moment(free: TimeOptimum, effects: Mapping[str, Array]) -> Quantity:
-    """Return the factor on the magnetic moment of the file at which static states and motions give the same modulus."""
+    """Return the factor by which the magnetic moment in the specimen file must be multiplied.
+
+    With this factor the static states and the motions of the beam give the same modulus.
+    """
     # The moment is unknown in the fit ``free``.
     value, noise = float(np.exp(free.unknowns[-1])), float(free.covariance[-1, -1])
     total = noise + sum(float((moves[:, -1] ** 2).sum()) for moves in free.steps(effects).values())

@@ -99,7 +99,7 @@ def projection(experiments: Sequence[Experiment], residuals: Sequence[Array], us
 
 
 def _polynomials(is_used: NDArray[np.bool_]) -> Array:
-    """Return the values of D orthonormal polynomials at the m points of each of G edges, shape (K, G, m, D)."""
+    """Return the values of D orthonormal polynomials at m points on G edges in K load cases, shape (K, G, m, D)."""
     degrees = min(_DEGREES, is_used.shape[-1])
     place = np.cumsum(is_used, axis=-1) / np.maximum(is_used.sum(axis=-1, keepdims=True), 1)
     powers = np.polynomial.legendre.legvander(2 * place - 1, degrees - 1) * is_used[..., None]

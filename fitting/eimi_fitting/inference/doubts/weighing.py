@@ -40,7 +40,9 @@ _MOST_SIZES = 5.0  # largest amplitude, in prior sizes
 
 @dataclass(frozen=True)
 class Exact:
-    """The probabilities of bench errors if some inputs, such as the width, are exact.
+    """The probabilities of bench errors if the stated values of some inputs, such as the width, are assumed exact.
+
+    A bench error is a wrong assumption of the fit about the bench.
 
     Parameters
     ----------
@@ -166,7 +168,11 @@ class Weighing:
         ]
 
     def squares_of(self, base: int, posterior: Posterior, rows: Sequence[int]) -> float:
-        """Return the sum of squared changes of the residuals by the errors of some inputs, in units of the variance."""
+        """Return how strongly the estimated errors of some inputs change the residuals.
+
+        The result is the sum of the squared changes, divided by their variances. base: index of a set of bench errors.
+        rows: indices of the inputs.
+        """
         change = posterior.means[base, rows] / self._scale[rows] @ self._rows[rows]
         # The variance of noise and unexplained errors.
         variance = self._variance + posterior.error_squared[base] * self._project.error
@@ -381,7 +387,10 @@ class Weighing:
         return self._about.simulated(amplitudes[: self._law], given)
 
     def remaining(self, row: int, amplitudes: Array) -> tuple[Array, ...] | None:
-        """Simulate the residuals in mm without the bench errors of the set ``row``; None without an equilibrium."""
+        """Simulate the residuals in mm after the fit was corrected for a set of bench errors.
+
+        row: index of the set. amplitudes: sizes of its errors. The result is None if the beam has no equilibrium.
+        """
         residuals = self._simulated(self.hypotheses[row], amplitudes)
         return None if residuals is None else tuple(residuals)
 

@@ -1,16 +1,16 @@
 """Compute the covariance of the optimum of a fit, from residuals that are linearised there.
 
-Load case k of K has N_k points, the derivatives J_k of its residuals in the unknowns, and the root mean square residual
-e_k, with the mean e over the load cases. Of tau neighbouring points, one counts as independent; N is the number of all
-independent points. The weight w_k, the Hessian A of minus the log-likelihood and the covariance B of its gradient are
-
-    w_k = N / (K e N_k e_k),    A = sum_k w_k J_k' J_k,    B = sum_k tau w_k^2 e_k^2 J_k' J_k
-
-The covariance of the optimum is
+The covariance of the optimum is (White 1982, Econometrica 50:1)
 
     C = inv(A + P) (B + P) inv(A + P)
 
-with the inverse prior covariance P (White 1982, Econometrica 50:1).
+with the Hessian A of minus the log-likelihood, the covariance B of its gradient, and the inverse prior covariance P:
+
+    A = sum_k w_k J_k' J_k,    B = sum_k tau w_k^2 e_k^2 J_k' J_k,    w_k = N / (K e N_k e_k)
+
+Load case k of K has N_k points, the derivatives J_k of its residuals in the unknowns, and the root mean square residual
+e_k; e is the mean of all e_k. Neighbouring residuals are correlated: tau points count as one independent point, and N
+is the number of independent points in all load cases together. The weight w_k makes all load cases count equally.
 """
 
 from __future__ import annotations
