@@ -73,7 +73,7 @@ def _near(one: str, other: str, relative: float, absolute: float) -> bool:
     return np.allclose(*([float(text) for text in _NUMBER.findall(line)] for line in (one, other)), relative, absolute)
 
 
-def check(lines: Iterable[str], accepted: Path, folder: Path, relative: float = 2e-3, absolute: float = 2e-5) -> None:
+def check(lines: Iterable[str], accepted: Path, folder: Path, relative: float = 1e-4, absolute: float = 2e-5) -> None:
     """Fail if the lines differ from the file `accepted`, and write them to `folder` as a new proposal."""
     described_now = list(lines)
     new = folder / accepted.name

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 import pytest
 
+import eimi_lab.vision.edges
 from eimi_lab.config.calibration import Calibration
 from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.vision.beam_frame import BeamFrame
@@ -25,8 +26,10 @@ from eimi_lab.vision.projection import Projection
 from eimi_lab.vision.ruled_picture import ruled_picture
 from tests.shared.accepted_numbers import check, described
 from tests.shared.small_pictures import CALIBRATION, SmallPicture, specimen, within
+from tests.shared.traced_results import TracedResults
 
 ACCEPTED = Path(__file__).parent / "back_lit"
+EDGES = Path(eimi_lab.vision.edges.__file__).parent
 SPECIMEN = specimen()
 BELOW = CALIBRATION.model_copy(update={"clamp_midpoint_px": (60.0, 26.0)})
 DARK = (20.0,)
@@ -187,7 +190,9 @@ def steps_of(case: Case, name: str) -> Iterator[str]:
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.__name__)
 def test_each_step_of_the_search_has_the_accepted_numbers(case: Callable[[], Case], tmp_path: Path) -> None:
     name = case.__name__
-    check(steps_of(case(), name), ACCEPTED / f"{name}.txt", tmp_path)
+    with TracedResults(EDGES) as traced:
+        lines = list(steps_of(case(), name))
+    check([*lines, *traced.lines()], ACCEPTED / f"{name}.txt", tmp_path)
 
 
 @pytest.mark.parametrize("case", [plain, bent, with_a_magnet, lit, in_a_weighted_sum_of_colours])

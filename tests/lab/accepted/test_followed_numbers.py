@@ -11,14 +11,17 @@ from typing import Any
 import numpy as np
 import pytest
 
+import eimi_lab.vision.following
 from eimi_lab.config.calibration import Picture
 from eimi_lab.vision.edges.finding import find_edges, follow_beam
 from eimi_lab.vision.following.explaining import draw_steps
 from eimi_lab.vision.following.follow import FollowedBeam
 from tests.shared.accepted_numbers import check, described
 from tests.shared.small_pictures import CALIBRATION, SmallPicture, edge, specimen, within
+from tests.shared.traced_results import TracedResults
 
 ACCEPTED = Path(__file__).parent
+FOLLOWING = Path(eimi_lab.vision.following.__file__).parent
 SPECIMEN = specimen()
 GREY = (170.0, 170.0, 170.0)
 
@@ -203,4 +206,6 @@ def steps_of(followed: FollowedBeam, name: str) -> Iterator[str]:
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.__name__)
 def test_each_step_of_the_search_has_the_accepted_numbers(case: Callable[[], FollowedBeam], tmp_path: Path) -> None:
     name = case.__name__
-    check(steps_of(case(), name), ACCEPTED / "followed" / f"{name}.txt", tmp_path)
+    with TracedResults(FOLLOWING, ["_steps_of_channels", "_best_of_each_cell"]) as traced:
+        lines = list(steps_of(case(), name))
+    check([*lines, *traced.lines()], ACCEPTED / "followed" / f"{name}.txt", tmp_path)

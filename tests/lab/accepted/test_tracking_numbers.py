@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 import pytest
 
+import eimi_lab.vision.tracking
 from eimi_lab.config.calibration import Picture
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.check import Check
@@ -24,8 +25,10 @@ from eimi_lab.vision.tracking.steady_view import SteadyView
 from eimi_lab.vision.tracking.step_places import band_shifts, step_places
 from tests.shared.accepted_numbers import check, described
 from tests.shared.small_pictures import CALIBRATION, SmallPicture, within
+from tests.shared.traced_results import TracedResults
 
 ACCEPTED = Path(__file__).parent
+TRACKING = Path(eimi_lab.vision.tracking.__file__).parent
 FRAME = BeamFrame(CALIBRATION)
 BENDS = (0.0, 0.05, 0.15, 0.3, 0.35, 0.3)
 
@@ -77,7 +80,9 @@ def tracked(name: str) -> Iterator[str]:
 
 @pytest.mark.parametrize("name", CASES)
 def test_the_tracked_beam_has_the_accepted_numbers(name: str, tmp_path: Path) -> None:
-    check(tracked(name), ACCEPTED / "tracked" / f"{name.replace(' ', '_')}.txt", tmp_path)
+    with TracedResults(TRACKING) as traced:
+        lines = list(tracked(name))
+    check([*lines, *traced.lines()], ACCEPTED / "tracked" / f"{name.replace(' ', '_')}.txt", tmp_path)
 
 
 @pytest.mark.parametrize(("given", "from_frame"), [({}, 0), ({"bright": True}, 0), ({"hidden": 2}, 3)])
