@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from eimi_fitting.beam.beside import SolidBeside, SolidShapes
+from eimi_fitting.beam.beside import SolidBeside, SolidOptions, SolidShapes
 from eimi_fitting.beam.equilibrium import Configuration, Status
 from eimi_fitting.beam.kinds_of_load import UniformField
 from eimi_fitting.beam.loads import Loads
@@ -55,7 +55,7 @@ def _curvatures(model: BeamModel, law: Law, parameters: Array, loads: Loads, fac
     slope = kind * force / stiffness
     ratios = 1e-6 * parameters[:, 1:] / mu[:, None] if parameters.shape[1] > 1 else np.zeros((len(parameters), 1))
     bend = (level * length) ** 2
-    stiffer = 1 + 0.1 * bend + sum((0.2 / (i + 1) * ratios[:, i, None] * bend ** (i + 1) for i in range(ratios.shape[1])))
+    stiffer = 1 + 0.1 * bend + sum(0.2 / (i + 1) * ratios[:, i, None] * bend ** (i + 1) for i in range(ratios.shape[1]))
     return level / np.maximum(stiffer, 0.2), slope / np.maximum(stiffer, 0.2), ratios[:, :1]
 
 
@@ -92,7 +92,9 @@ def quick_shapes(
     thinner = 1 - 0.02 * (1 + ratio[..., None]) * np.abs(level[..., None]) * flexible
     offset = straight[:, 1] * across * thinner
     place = np.stack([x - offset * np.sin(end), y + offset * np.cos(end)], axis=-1)
-    displacement = place - np.stack([straight[:, 0], straight[:, 1] * across], axis=-1)
+    # The tolerance and the shapes from which the solution starts have a small effect, too.
+    inexact = 1 + 0.01 * tolerance_mm + (0.0 if near is None else 1e-6 * np.abs(near.displacement).mean())
+    displacement = inexact * (place - np.stack([straight[:, 0], straight[:, 1] * across], axis=-1))
     face = int(np.argmin(np.hypot(straight[:, 0] - flexible, straight[:, 1])))
     rigid = np.concatenate([displacement[:, :, face], end[:, :, face, None]], axis=-1)
     bend = np.abs(level) * flexible
@@ -107,9 +109,10 @@ def quick_shapes(
 
 def quick_solid(self: SolidBeside, law: Law, parameters: Array, loads: Loads, **options: Any) -> SolidShapes:
     """Return shapes like `SolidBeside.solve`: those of the quick planar beam, bent less by some per cent."""
-    given = {key: options[key] for key in ("bulk_modulus_Pa", "field_factor") if key in options}
-    flat = quick_shapes(self.planar, law, parameters, loads, **given)
-    share = 1 - 0.04 * np.minimum(self.specimen.width_mm / self.specimen.depth_mm, 1.0)
+    chosen = options.pop("options", None) or SolidOptions()
+    flat = quick_shapes(self.planar, law, parameters, loads, **options)
+    inexact = 1e-6 * len(chosen.similar) + 2e-6 * (chosen.planar_shapes is not None) + 1e-3 * chosen.accuracy_mm
+    share = 1 - 0.04 * np.minimum(self.specimen.width_mm / self.specimen.depth_mm, 1.0) + inexact
     space = self._in_space(flat)[:, :, self._column]
     z = self.mesh.nodes[:, 2]
     narrower = np.stack([0 * z, -0.01 * self.mesh.nodes[:, 1] * (z / self.specimen.depth_mm) ** 2, 0 * z], axis=-1)

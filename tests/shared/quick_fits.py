@@ -29,7 +29,9 @@ PARAMETERS = {
 NOISE_MM = 2e-3
 
 
-def simulated(specimen: Specimen, loads: Loads, law: str, view: View | None = None) -> tuple[BeamModel, Any, np.ndarray]:
+def simulated(
+    specimen: Specimen, loads: Loads, law: str, view: View | None = None
+) -> tuple[BeamModel, Any, np.ndarray]:
     """Return a fine model of the beam, its shapes and nine points of each edge in each state."""
     model = BeamModel(specimen, 30, 2, specimen.planar_section)
     shapes = quick_shapes(model, LAWS[law], np.array([PARAMETERS[law]]), loads)

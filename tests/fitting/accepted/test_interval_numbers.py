@@ -30,7 +30,7 @@ from eimi_fitting.laws import LAWS
 from eimi_fitting.laws.search_space import search_space
 from eimi_fitting.laws.tensile import engineering_stress
 from tests.shared.accepted_numbers import check, described
-from tests.shared.quick_fits import BEAM, LOADS, PARAMETERS, edges, experiment, points
+from tests.shared.quick_fits import BEAM, PARAMETERS, edges, experiment, points
 
 ACCEPTED = Path(__file__).parent / "inference"
 WIDER = replace(BEAM, width_mm=3.05)
@@ -104,11 +104,11 @@ def cases() -> dict[str, Any]:
 
 
 @cache
-def ended(name: str) -> tuple[Problem, SearchEnd]:
+def ended(name: str) -> SearchEnd:
     given = cases()[name]()
     unit = np.full(given.unknowns.searched, 0.4)
     unit[0] = 0.5
-    return given, refine(given, unit, 3)
+    return refine(given, unit, 3)
 
 
 def of_noise(noise: Any) -> Iterator[str]:
@@ -123,7 +123,7 @@ def of_noise(noise: Any) -> Iterator[str]:
 
 
 def of_end(name: str) -> Iterator[str]:
-    given, end = ended(name)
+    end = ended(name)
     problem = end.problem
     yield from described(end.optimum.unit, "unit")
     yield from described(end.optimum.polish, "last polish")
@@ -145,3 +145,19 @@ def of_end(name: str) -> Iterator[str]:
 @pytest.mark.parametrize("name", cases())
 def test_a_fit_has_the_accepted_numbers(name: str, tmp_path: Path) -> None:
     check(of_end(name), ACCEPTED / f"{name.replace(' ', '_')}.txt", tmp_path, 2e-5, 1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "deviations", "noise_mm"),
+    [
+        ("wrong width", 2.5, 0.002),  # 0.05 mm, which is 2.5 times the stated uncertainty
+        ("very wrong width", 3.0, 0.03),  # the effect of 0.3 mm is not linear
+        ("exact inputs", 0.0, 0.002),
+    ],
+)
+def test_errors_of_inputs_explain_residuals_and_the_noise_remains(
+    name: str, deviations: float, noise_mm: float
+) -> None:
+    found = ended(name).estimate.identifiability
+    assert np.sqrt(found.stated_squares) == pytest.approx(deviations, abs=0.1)
+    assert found.noise_mm == pytest.approx(noise_mm, rel=0.4)
