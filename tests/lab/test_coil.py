@@ -10,10 +10,12 @@ import pytest
 
 from eimi_drivers.clock import SimulatedClock
 from eimi_drivers.interfaces import Identity, InstrumentError, InstrumentTimeout, Limits, Reading
+from eimi_lab.acquisition import coil as coil_module
 from eimi_lab.acquisition.coil import Coil, without_contact
 from eimi_lab.acquisition.interlocks import BeyondInterlock, Interlocks
 from eimi_lab.config.interlock import Interlock
 from eimi_lab.config.protocol import Ramp
+from tests.shared.noted import Noted, noted
 
 RULE = Ramp(rate_A_per_s=0.5, step_A=0.1, tolerance_A=0.02, down_within_s=2.0)
 
@@ -317,3 +319,30 @@ def test_the_words_without_contact_are_those_of_the_driver() -> None:
         without_contact(object())
         == "nobody knows what the output does, because the driver of the supply does not report it"
     )
+
+
+@pytest.mark.parametrize(("measured_A", "is_right"), [(0.53125, True), (0.46875, True), (0.53126, False)])
+def test_a_difference_equal_to_the_tolerance_is_permitted(measured_A: float, is_right: bool) -> None:
+    supply = Supply()
+    rule = RULE.model_copy(update={"tolerance_A": 0.03125})
+    coil = Coil(supply, supply.clock, rule)  # type: ignore[arg-type]
+    coil._set(0.5)
+    supply.meter = lambda set_A, now_s: measured_A
+    for act in (coil.wait_until_reached, coil.measured_A):
+        if is_right:
+            assert act() in (None, measured_A)
+            assert not coil.out_of_control
+        else:
+            with pytest.raises(InstrumentError, match="measured at a set-point"):
+                act()
+
+
+def test_after_the_output_was_off_the_silence_of_the_sensors_is_counted_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[Any] = []
+    supply = Supply()
+    coil = coil_on(supply, asked_A=0.5, interlocks=Noted(calls, "interlocks"))
+    monkeypatch.setattr(coil_module, "switch_off", noted(calls, "off", "the output is off"))
+    assert coil.switch_off() == "the output is off"  # type: ignore[comparison-overlap]
+    assert calls == [("interlocks.restart",), ("off", supply, supply.clock)]
+    assert coil.asked_A == 0.0
+    assert coil._is_right(0.25)  # between the set-points of the last 1.5 s
