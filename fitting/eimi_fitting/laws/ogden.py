@@ -42,7 +42,6 @@ def _number_of_terms(nu2: float, z: float) -> int:
     nu2: largest value of nu^2. z: largest value of c - 1.
     """
     # So many terms are also enough for the second derivative.
-    z = min(z, _SERIES_TO, _SERIES_PRODUCT / nu2)
     term = 1.0
     for k in range(10):
         term *= (nu2 + k * k) * z / ((2 * k + 1) * (k + 1))
