@@ -40,7 +40,7 @@ _SYMMETRIC = ("max", "min", "math.hypot", "np.hypot", "np.maximum", "np.minimum"
 
 @dataclass(frozen=True)
 class Change:
-    """A mistake that can be made: a change of one place in a source file.
+    """A small mistake in a source file, made to find out whether a test fails: one text is replaced by another.
 
     Attributes
     ----------

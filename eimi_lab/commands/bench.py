@@ -141,11 +141,12 @@ def emulate(
         ),
     ] = None,
     mT_per_A: Annotated[
-        float, typer.Option("--mT-per-A", help="for a gaussmeter: true field of the coil for each ampere, in mT")
+        float,
+        typer.Option("--mT-per-A", help="for an emulated gaussmeter: field of the coil, in mT for each ampere"),
     ] = 4.7,
     offset_mT: Annotated[
         float,
-        typer.Option("--offset-mT", help="for a gaussmeter: field that stays when the coil has no current, in mT"),
+        typer.Option("--offset-mT", help="for an emulated gaussmeter: its reading without a current, in mT"),
     ] = 0.0,
     specimen: Annotated[
         str | None,

@@ -34,7 +34,7 @@ def calibrate(
         str | None, typer.Option(metavar="charuco|checkerboard|circles", help="pattern of the board")
     ] = None,
     columns: Annotated[int, typer.Option(help="number of squares or circles in a row of the board")] = 20,
-    rows: Annotated[int, typer.Option(help="number of rows of the board")] = 16,
+    rows: Annotated[int, typer.Option(help="number of rows of the board: rows of squares or of circles")] = 16,
     square_mm: Annotated[
         float, typer.Option(help="side of a square, or distance between the centres of neighbouring circles, in mm")
     ] = 2.0,

@@ -179,7 +179,7 @@ class Discovered:
         return self.discovery.identified
 
     def write(self, path: str | Path, force: bool = False) -> Path:
-        """Write discovery.json to ``path`` and return the path.
+        """Write the discovered terms of the law to the JSON file ``path``, and return the path.
 
         Raises InputError if the file exists and ``force`` is False.
         """

@@ -29,7 +29,7 @@ _LARGEST = 5  # each of the five largest sources has its own line; all smaller s
 
 
 def remarks(fit: FitRecord) -> list[str]:
-    """Return lines on one fit: determined quantities, uncertainties, tensile curves, residuals, grade and doubts."""
+    """Return lines about one fit: its uncertainties, what the data determine, the verdict and the warnings."""
     lines = [*what_is_fixed(fit), *budget_lines(fit), *what_was_fitted_beside(fit), *cause_lines(fit)]
     return [*lines, *_grade_lines(fit), *_doubts(fit)]
 

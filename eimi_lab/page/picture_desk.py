@@ -15,7 +15,7 @@ from eimi_lab.page.worker import Worker
 
 
 class PictureDesk:
-    """The web addresses of the page for images. Only one browser tab may write files."""
+    """The part of the web server for images. It lets only one browser tab write files."""
 
     def __init__(self, folder: DataFolder, worker: Worker, tabs: Tabs) -> None:
         self._folder, self._worker, self._steered = folder, worker, tabs.steered

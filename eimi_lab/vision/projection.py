@@ -79,7 +79,7 @@ class Projection:
         return np.asarray(np.clip(share, 0.0, 1.0) * largest, dtype=np.float32)
 
     def to_json(self) -> str:
-        """Return the weights as JSON text."""
+        """Return the projection as JSON text."""
         return json.dumps(asdict(self))
 
     @classmethod

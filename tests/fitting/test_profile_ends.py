@@ -43,7 +43,7 @@ def quadratic(half: float) -> Callable[[Array], Array]:
 def ends_of(deviance: Callable[[Array], tuple[Array, Array]], checked: tuple[int, ...] = (0, 1)) -> Ends:
     """Return the ends of the intervals of two coordinates: the points at which `deviance` is 4.
 
-    checked : coordinates whose first guess of the ends is corrected
+    checked : indices of the coordinates whose ends are improved after the first guess
     """
     return interval_ends(deviance, OPTIMUM, np.zeros(2), np.diag(4.0 / HALF**2), HALF, checked)
 

@@ -239,7 +239,7 @@ def test_thin_silicone_beside_the_magnet_gets_a_second_step(
 def test_the_first_pass_searches_near_the_outline(
     monkeypatch: pytest.MonkeyPatch, width_px: float, tip_spacing: float, half: float, margin: float
 ) -> None:
-    """The search lines cross the outline between its corners; at least eight intervals separate those at the tip."""
+    # The search lines cross the outline between its corners. There are at least nine of them across the tip.
     given: dict[str, Any] = {}
     monkeypatch.setattr(passes, "_locate", lambda *arguments: given.update(arguments=arguments))
     corners = np.array([[0.0, 0.0], [0.0, 300.0], [width_px, 300.0], [width_px, 0.0]])

@@ -1,4 +1,4 @@
-"""The verdicts of the study, its answers to open questions and its materials agree with calculations by hand."""
+"""Numbers and sentences of the study of hidden materials agree with calculations by hand."""
 
 from __future__ import annotations
 

@@ -146,7 +146,7 @@ def updated_templates(
     tolerance : ndarray, shape (n,)
         Variance of the colours of each strip near the clamp, summed over the channels.
     variance : ndarray, shape (n,)
-        Variance of these colours after the previous step.
+        The variance that this function returned after the previous step.
     least : float
         Smallest variance that is assumed for a colour.
     """

@@ -97,7 +97,7 @@ class BandAssembly:
         return indices
 
     def divided(self, element_matrices: Array) -> Iterator[Array]:
-        """Divide the matrices of E elements, (E, B, d, d), into the groups that `matrix` adds one after another."""
+        """Divide the matrices of E elements for B candidate laws, (E, B, d, d), into the groups for `matrix`."""
         return (element_matrices[part] for part in self.parts)
 
     def matrix(self, parts: Iterable[Array]) -> Array:

@@ -28,7 +28,9 @@ _SAME_BULK = 1e-3  # relative difference between ratios of bulk to shear modulus
 
 @dataclass(frozen=True)
 class BentCandidate:
-    """The properties of a candidate law on which the difference of its solid and planar shapes depends.
+    """A candidate law and the shapes of its planar beam model, on which the depth effect depends.
+
+    The depth effect is the difference between the shapes of the solid and of the planar model.
 
     Attributes
     ----------
@@ -129,7 +131,7 @@ class DepthEffect:
 
     @property
     def places_of_base(self) -> tuple[float, ...]:
-        """The tuple (0.0,) if the depth effect at rotation 0 is that of a similar law (``base``), else an empty one."""
+        """The rotations at which the depth effect is taken from a similar law (``base``): (0.0,) or an empty tuple."""
         return (0.0,) if self.base and self.by_turn else ()
 
     @cached_property

@@ -95,7 +95,8 @@ def signals_of(motion: Motion, after_s: float = -np.inf) -> Signals:
     if not enough or len(chosen) < 8:
         raise TooFewFrames(
             f"{motion.label or 'the recording'}: {len(chosen) if enough else 0} frames can be used, but at least 8 are "
-            f"needed (a frame is used if it shows one of the points that {_LEAST_SEEN:.0%} of all frames show)"
+            f"needed; only points that {_LEAST_SEEN:.0%} of the frames show are used, and only frames that show such a "
+            "point"
         )
     time = frame_s[chosen]
     places = motion.points_mm[np.ix_(chosen, points)]

@@ -204,8 +204,8 @@ class CreepHistories:
 def _lines(rotations: Array, moments: Array) -> Array:
     """Return slopes and values at 0 of the lines between neighbouring points of load curves, (2, curves * lines).
 
-    rotations, moments: the points of each `LoadCurve`: rotations of the tip in rad, and moments of the loads in Pa rad
-    (divided by a constant in m³), (curves, lines + 1).
+    rotations, moments: the points of each `LoadCurve`: rotations of the tip in rad, and moments of the loads in Pa rad,
+    (curves, lines + 1).
     """
     slopes = np.diff(moments, axis=1) / np.diff(rotations, axis=1)
     return np.stack([slopes.ravel(), (moments[:, :-1] - slopes * rotations[:, :-1]).ravel()])

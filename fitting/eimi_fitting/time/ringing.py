@@ -1,10 +1,14 @@
 """The frequencies and loss factors of a specimen's free vibrations, as functions of its viscoelastic law.
 
-In a vibration exp(s t), the modulus is the shear modulus at rest times a complex ratio r(s). The squared angular
-frequency lambda of a mode is computed for a few moduli at rest and a few real ratios r. It is interpolated between the
-moduli. For complex r, lambda is r times a polynomial in 1/r, which is fitted to the values for real r. The rate s is
-the solution of s² = -lambda(r(s)). The modes are those of a planar model. Factors correct them to a more accurate
-model, which is three-dimensional if the specimen file has ``section = "solid"``.
+In a vibration exp(s t), the modulus is the shear modulus at rest times a complex ratio r(s). The rate s of a mode is
+the solution of
+
+    s² = -lambda(r(s)),
+
+where lambda(r) is the squared angular frequency of the undamped mode for the ratio r. It is computed for a few moduli
+and a few real ratios, and interpolated: between the moduli, and by r times a polynomial in 1/r, which also holds for
+complex r. The modes are those of a planar model. Factors correct them to a more accurate model, which is
+three-dimensional if the specimen file has ``section = "solid"``.
 """
 
 from __future__ import annotations

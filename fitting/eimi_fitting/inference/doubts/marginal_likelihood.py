@@ -51,14 +51,14 @@ def weigh(columns: Array, members: NDArray[np.intp], y: Array, noise: Array, err
     Parameters
     ----------
     columns : ndarray, shape (C, N)
-        Change of the N data by one prior standard deviation of each coefficient; zero in the last row.
+        Change of the N data by one prior standard deviation of each coefficient. The last row is zero.
     members : ndarray, shape (H, q)
-        Indices of the coefficients of each model, filled up with the last index.
+        Indices of the coefficients of each model. A model with fewer than q coefficients repeats the last index.
     y : ndarray, shape (H, N)
         The data for each model, in mm.
     noise, error : ndarray, shape (N,)
-        Variance of each datum in mm^2 due to noise, and due to unexplained errors if their size were 1 mm. The
-        true size is unknown.
+        Variance of each datum in mm^2 due to noise, and due to other errors with a standard deviation of 1 mm. Their
+        true standard deviation is estimated.
     """
     # Bishop 2006, Pattern Recognition and Machine Learning, section 3.5, with Woodbury's identity.
     common, own = _common(members)

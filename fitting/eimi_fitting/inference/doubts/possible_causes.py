@@ -103,7 +103,7 @@ class PossibleCause:
 
     @property
     def stated_as(self) -> tuple[str, ...]:
-        """The names of all inputs that may be wrong if this error is present."""
+        """The names of the inputs whose errors this bench error consists of."""
         return (self.source, *self.parts_of) if self.source else ()
 
 

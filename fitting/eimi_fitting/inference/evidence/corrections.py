@@ -85,8 +85,8 @@ def _solid(experiment: Experiment) -> Experiment:
 
 
 def polished(experiment: Experiment) -> Experiment:
-    """Return the experiment with the planar mesh of the last steps of a fit."""
-    # A three-dimensional model contains a planar model, whose mesh these steps use.
+    """Return the experiment with the planar mesh that is used after the search, near its optimum."""
+    # It is the mesh of the planar model that a three-dimensional model contains.
     specimen = experiment.model.specimen
     return replace(experiment, model=_on_lines_of_solid(specimen)) if specimen.section == "solid" else experiment
 
@@ -191,7 +191,7 @@ def correction(
     compare : callable
         Function that makes the same comparison for given experiments, which contain their beam models.
     near : sequence of Correction
-        Corrections from which the solver of a three-dimensional model starts.
+        Corrections of similar parameters. The solver of the three-dimensional model starts from their shapes.
     """
     # Only the first set of parameters of ``here`` is used.
     options = options or SolidOptions()
@@ -230,7 +230,7 @@ def by_better_model(
     compare : callable
         Function that makes the same comparison for given experiments, which contain their beam models.
     near : sequence of Correction
-        Corrections from which the solver of a three-dimensional model starts.
+        Corrections of similar parameters. The solver of the three-dimensional model starts from their shapes.
 
     Returns
     -------

@@ -93,9 +93,9 @@ class Experiment:
         )
 
     def recorrected(self, misfit: Misfit, before: Experiment) -> Misfit:
-        """Replace the correction of the residuals ``misfit`` by a better beam model with that of this experiment.
+        """Return the residuals ``misfit`` with another correction for the error of the beam model.
 
-        before: the experiment whose correction the residuals contain.
+        before: the experiment whose correction the residuals contain; that of this experiment takes its place.
         """
         # No simulation is needed, because the two experiments differ only in their corrections.
         difference = sum(

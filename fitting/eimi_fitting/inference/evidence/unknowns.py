@@ -91,7 +91,7 @@ class Nuisance:
         return SOURCES[self.source].unit
 
     def value(self, unit_coordinate: Array) -> Array:
-        """Return the deviation in the unit of the input, for a scaled coordinate from 0 to 1."""
+        """Convert a coordinate of the search (0 to 1) into the error of the input, in the unit of the input."""
         return 2 * RANGE * self.spread * (unit_coordinate - 0.5)
 
 

@@ -199,7 +199,10 @@ def _if_uncertain(problem: Problem, about: Linearisation, covariance: Array) -> 
 
 
 def _model_error_bounds(unknowns: Unknowns, about: Linearisation, effects: Sequence[Effect]) -> tuple[Array, Array]:
-    """Return 95 % bounds of what C accurate beam models still miss: for n unknowns (C, n), and the modulus (C,)."""
+    """Return 95 % bounds of the errors that remain after each of C corrections by more accurate beam models.
+
+    The bounds are those of n unknowns, (C, n), and of the modulus, (C,).
+    """
     model_errors, modulus_errors = np.zeros((len(effects), len(about.unit))), np.zeros(len(effects))
     log_range = _log_range(unknowns)
     for c, effect in enumerate(effects):

@@ -36,11 +36,11 @@ class Values(Protocol):
 
     @property
     def unconverged(self) -> NDArray[np.bool_]:
-        """Whether the beam has no equilibrium in a load state, for each of P points, (P,)."""
+        """Whether the beam has no equilibrium in a load state, for each of P sets of parameters, (P,)."""
 
     @property
     def unstable(self) -> NDArray[np.bool_]:
-        """Whether the material law is unstable in a load state, for each of P sets of its parameters, (P,)."""
+        """Whether the material law is unstable in a load state, for each of P sets of parameters, (P,)."""
 
 
 @dataclass(frozen=True)
