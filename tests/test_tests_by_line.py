@@ -59,7 +59,7 @@ def test_a_new_map_replaces_the_old_one(code: Path) -> None:
 
 
 def test_a_file_that_is_skipped_as_a_whole_is_no_test(tmp_path: Path) -> None:
-    """pytest reports a skipped file as a test with the name of the module; no test of this name can be run."""
+    # pytest reports a skipped file as a test with the name of the module, which pytest cannot run.
     report = tmp_path / "report.xml"
     report.write_text(
         '<testsuites><testsuite><testcase file="tests/lab/test_a.py" name="tests.lab.test_a" time="0.0"/>'

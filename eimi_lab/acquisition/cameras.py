@@ -21,7 +21,7 @@ def open_rig_camera(rig: Rig, specimen: SpecimenFile, clock: Clock, cue: Cue) ->
     clock : Clock
         Clock of the run, for a virtual beam.
     cue : Cue
-        Number of the present state (load step), for a recording.
+        Number of the present state (load step), for a camera that plays stored pictures back.
 
     Raises
     ------

@@ -283,7 +283,10 @@ def _find_off(supply: PowerSupply, was_on: set[bool]) -> bool:
 
 
 def _is_known_by_identity(ward: Ward) -> bool:
-    """Return whether a supply with the right identity is certainly the supply of the coil."""
+    """Return whether the identity of a supply is enough to recognise the supply of the coil.
+
+    It is not enough without a serial number, because another supply of the same model has the same identity.
+    """
     return ward.identity is None or bool(ward.identity[1]) or pseudo_terminal(ward.address) != ""
 
 

@@ -87,7 +87,10 @@ class Frames:
         self._correction = dataset.correction()
 
     def mean(self, index: int) -> NDArray[np.float32]:
-        """Return the corrected mean of the frames of a load step, shape (H, W), or (H, W, 3) with colours."""
+        """Return the mean of the frames of a load step, shape (H, W), or (H, W, 3) with colours.
+
+        It is corrected with the dark and flat-field images if the dataset has them.
+        """
         image = state_mean(self.dataset.each_image(index))
         return image if self._correction is None else self._correction.apply(image)
 

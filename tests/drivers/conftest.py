@@ -30,7 +30,9 @@ def links(quick: tuple[str, ...]) -> list[object]:
 
 
 def served(link: str) -> Callable[[Responder], AbstractContextManager[str]] | None:
-    """Return a function that serves an emulated supply and yields its address; None for a link "... in process"."""
+    """Return a function that serves an emulated supply and yields its address; None if driver and supply are connected
+    inside the process, without an address.
+    """
     driver, _, where = link.partition(" ")
 
     @contextmanager

@@ -264,7 +264,10 @@ class SupplyBase(Conversation, ABC):
         return self._compare()
 
     def _compare(self) -> bool:
-        """Return whether the output is already off; raise SwitchOffFailed if another supply may have answered."""
+        """Return whether the output of the supply at the reopened line is already off.
+
+        Raises SwitchOffFailed if it may be another supply than before.
+        """
         assert self._bound is not None
         try:
             self.identify()

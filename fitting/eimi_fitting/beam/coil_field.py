@@ -199,7 +199,7 @@ class CoilShape:
 
     @property
     def _slope(self) -> Complex:
-        """The contribution of ``gradient_per_m`` to the x and y derivatives of the field ratio, (2,) in 1/mm."""
+        """The derivatives by x and y of the relative field that ``gradient_per_m`` adds, (2,) in 1/mm."""
         along, across = np.array(self.axis), np.array([-self.axis[1], self.axis[0]])
         h, g = 1e-3 * np.array(self.gradient_per_m) @ np.stack([along, across], axis=1)
         # h and g are the derivatives of the component along the axis, along and across it. The field has no curl and no

@@ -135,7 +135,7 @@ def joined(parts: Sequence[Configuration]) -> Configuration:
 
 
 def loads_joined(parts: Sequence[SolidLoads]) -> SolidLoads:
-    """Join the loads on several batches of candidate laws into one batch."""
+    """Join the loads of several groups of candidate laws into the loads of one group."""
     arrays: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in _LOADS}
     joined_loads = SolidLoads(**arrays)
     for name in _IN_COIL:

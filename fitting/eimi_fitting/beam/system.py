@@ -226,8 +226,9 @@ class FactoredSystem:
     stiffness : ndarray, shape (E, B, d, d)
         Symmetric matrices of E elements with d unknowns each.
     body : tuple of two ndarrays, or None
-        The derivatives of the unknowns of the H elements that touch the magnet by its motion, (H, B, d, 3), and the
-        stiffness of the magnet against this motion due to loads, (B, 3, 3). None without a magnet.
+        First, how the d unknowns of the H elements that touch the magnet follow its motion, (H, B, d, 3): derivatives
+        by the motion. Second, the stiffness of the magnet against this motion due to loads, (B, 3, 3). None without a
+        magnet.
 
     Attributes
     ----------

@@ -263,7 +263,10 @@ class RestEvidence:
         return RestEvidence(modulus, float(np.hypot(_SAG_ERROR, at * straight)))
 
     def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return ln(modulus of the law after 10⁴ s / modulus from the sag) over its uncertainty, for P laws, (P, 1)."""
+        """Return the residual of the modulus at rest for P candidate laws, (P, 1), divided by its uncertainty.
+
+        The residual is ln(modulus of the law after 10⁴ s / ``modulus_Pa``); `load_log` has no influence.
+        """
         at_rest = instantaneous_Pa * series.ratio(np.array([AT_REST_S]))[:, 0]
         return np.asarray(np.log(at_rest / self.modulus_Pa)[:, None] / self.sigma)
 

@@ -82,12 +82,12 @@ class CreepEvidence:
     time_s, rotation, sigma : ndarray, shape (k,)
         Times after the step, rotations in rad, and their standard uncertainties.
     squares : ndarray, shape (k,)
-        Squared amplitude of the free vibration in rad².
+        Squared amplitude of the free vibration that the step also causes, in rad².
     label : str
         Where the recording comes from.
     shown : tuple of ndarray, or None
-        Table of the systematic error of the measurement for a strongly bent beam: increasing true rotations, and the
-        rotations that would be measured, in rad. None: no error.
+        Increasing rotations of the tip, and the rotations that would be measured instead, in rad. They differ if the
+        beam is strongly bent. None: they are equal.
     """
 
     history: LoadHistory

@@ -59,7 +59,10 @@ def without_twist(
 
 
 def tip_twist_per_tilt(simulated: Experiment, law: Law, parameters: Array) -> Array | None:
-    """Return the twist at the magnet under K loads, (K,), divided by a small tilt of the moment out of the picture."""
+    """Return the twist of the beam at its magnet under K loads, (K,), for a unit tilt of the magnetic moment.
+
+    The tilt is the angle between the magnetic moment and the plane of the picture.
+    """
     twisted = _twisted(simulated, law, parameters)
     return None if twisted is None else twisted[1][:, -1]
 
@@ -67,8 +70,8 @@ def tip_twist_per_tilt(simulated: Experiment, law: Law, parameters: Array) -> Ar
 def _twisted(simulated: Experiment, law: Law, parameters: Array) -> tuple[Array, Array] | None:
     """Return S points of the middle line in mm, (K, S, 2), and the twist of the beam there, (K, S), or None.
 
-    The twist is divided by a small tilt of the magnetic moment out of the picture. The result is None without a magnet,
-    or without an equilibrium.
+    The twist is that for a unit tilt of the magnetic moment out of the plane of the picture. The result is None without
+    a magnet, or without an equilibrium.
     """
     specimen = simulated.model.specimen
     if specimen.magnet is None:

@@ -138,7 +138,10 @@ class Problem:
         return bool(self.unknowns.freed or self.curves or self.priors)
 
     def recorrected(self, evaluation: Evaluation, before: Problem) -> Evaluation:
-        """Convert an evaluation of the problem ``before``, which has other corrections, to this problem."""
+        """Convert an evaluation of the problem ``before`` to this problem.
+
+        The two problems differ only in the corrections of the residuals for the error of the beam model.
+        """
         comparison = evaluation.comparison
         misfits = tuple(
             experiment.recorrected(misfit, earlier)
