@@ -191,7 +191,7 @@ class Ranked:
 
 
 def summary(results: Sequence[Ranked]) -> str:
-    """Return lines that count how many fits named the simulated bench error, named another, or hold the true modulus."""
+    """Return lines that say how many fits named the simulated bench error or another, or hold the true modulus."""
     counts = {
         "first": sum(one.is_first for one in results),
         "first or second": sum(one.is_second for one in results),

@@ -268,13 +268,13 @@ class SiliconeInField:
     shape : CoilShape
         The field at any point, relative to ``field_T``.
     rest_mm : ndarray, shape (2,)
-        The point (x, y) at rest at which the field is ``field_T``.
+        The fixed point (x, y) at which the field is ``field_T``.
     nodes_mm : ndarray, shape (E, n, 2)
         Positions (x, y) at rest of the n nodes of each of E elements.
     shares : ndarray, shape (E, n)
-        Weights of the nodes that give the position of the dipole.
+        Weights of the nodes; the dipole is at the weighted mean of their positions.
     dipoles : ndarray, shape (E, n)
-        Factors on the positions of the nodes that give the dipole moment, in N/T.
+        The dipole moment of an element is the sum of these numbers (N/T) times the positions of its nodes.
     field_T : ndarray, shape (B, 2) or (1, 2)
         The field (x, y) at ``rest_mm`` for each of B candidate laws.
     """
