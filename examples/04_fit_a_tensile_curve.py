@@ -1,4 +1,4 @@
-"""Fit every law to the curve of a tensile test, the usual test of a material. Here a Yeoh law gives the curve."""
+"""Fit every law to the curve of a tensile test, the usual test of a material. The curve is computed from a Yeoh law."""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory

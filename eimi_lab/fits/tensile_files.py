@@ -153,9 +153,9 @@ def _database_rows(path: Path, text: str) -> tuple[list[Row], str | None]:
 
 
 def check_windows(windows: list[str], option: str = "--window") -> list[float | None]:
-    """Return the largest strains in per cent without repetitions; None stands for the whole curve.
+    """Convert the values of an option (largest strains of the fitted data) into numbers, without repetitions.
 
-    Raises InputError for a text that is neither a number nor the word for the whole curve.
+    "full", the whole curve, becomes None. Raises InputError for another text that is not a number above 0.
     """
     checked: list[float | None] = []
     for window in windows:

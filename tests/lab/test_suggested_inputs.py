@@ -46,7 +46,7 @@ def test_the_apparent_width_is_that_of_the_body_on_the_axis(half: float, width: 
 
 @pytest.mark.parametrize("ends", [(-50.0, 7.0), (-7.0, 50.0)])
 def test_a_body_wider_than_the_searched_lines_has_no_apparent_width(ends: tuple[float, float]) -> None:
-    """The lines reach half a beam length (42 px) to both sides; a body that reaches farther on one is not measured."""
+    # The searched lines reach half a beam length (42 px) to both sides.
     picture = SmallPicture(0.0, (200.0,))
     picture.add(picture.beside(*ends), (30.0,))
     assert apparent_width_mm(picture.exposed()[..., 0], FRAME, 12.0) is None

@@ -369,7 +369,7 @@ def findings_of(
 ) -> dict[str, float]:
     """Return the findings (values for the quality checks) of a straight beam with edges at 200 places.
 
-    unsure: share of the places at which the left edge is not reliable. gain: how clear the edges are. deviations:
+    unsure: share of the places at which the left edge is not reliable. gain: clarity of the edges (0 to 1). deviations:
     contrast of the left edge, in standard deviations. length: share of the nominal length that is followed.
     """
     sound = np.ones((2, 200), dtype=bool)

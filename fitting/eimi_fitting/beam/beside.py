@@ -319,7 +319,7 @@ def _bent_candidate(chosen: Candidates, flat: Shapes) -> BentCandidate:
 
 
 def _effect_of_equal(candidate: BentCandidate, options: SolidOptions) -> DepthEffect | None:
-    """Return the known depth effect (solid minus planar shapes) of an equal candidate law, or None."""
+    """Return the depth effect (solid minus planar shapes) that was computed before for an equal law, or None."""
     for effect in options.similar:
         if effect.candidate and effect.candidate.is_alike(candidate, options.accuracy_mm):
             return effect

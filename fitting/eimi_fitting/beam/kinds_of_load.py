@@ -121,7 +121,7 @@ class TipForce:
         return TipForce(self.numbers[states])
 
     def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
-        """Add the force to ``total``: to the magnet if its point is there, else to the nodes around this point.
+        """Add the force to ``total``: to the magnet if it acts on the magnet, else to the nodes around its point.
 
         numbers: force (x, y) in N, (2,). field_factor: not used.
         """

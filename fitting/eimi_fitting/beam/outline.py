@@ -117,10 +117,10 @@ def _outward(curves: Array) -> Array:
 
 
 def _at_normals(lines: Array, middle: Array, normal: Array) -> Array:
-    """Return the points (x, y) at which m curves (``lines``) cross n straight lines, (..., n, m, 2).
+    """Return the points (x, y) at which m curves cross n straight lines, (..., n, m, 2).
 
-    lines: n points (x, y) of each curve, (..., n, m, 2). middle, normal: a point and the unit direction of each line,
-    (..., n, 2).
+    lines: n points (x, y) of each curve, (..., n, m, 2). middle, normal: a point and the unit direction of each
+    straight line, (..., n, 2).
     """
     n = lines.shape[-3]
     tangent = np.stack([normal[..., 1], -normal[..., 0]], axis=-1)

@@ -105,7 +105,7 @@ class Coefficients:
 
 
 def _blocks(columns: Iterable[Sequence[Column]], first: int) -> list[list[int]]:
-    """Return the numbers of each group's columns, if all columns are numbered from ``first``."""
+    """Number the columns of several groups in order, beginning with ``first``; return the numbers of each group."""
     blocks = []
     for some in columns:
         blocks.append(list(range(first, first + len(some))))

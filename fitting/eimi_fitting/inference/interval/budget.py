@@ -82,7 +82,7 @@ class Moves:
     steps : Steps
         The change of the fitted values for one standard uncertainty of each input.
     further : ndarray, shape (D, n), or float
-        Errors due to a doubt about the test bench, scaled as ``unit``; 0 without such a doubt.
+        Errors due to a probable wrong assumption about the test bench, scaled as ``unit``; 0 without one.
     """
 
     unit: Array

@@ -274,7 +274,7 @@ class Steps:
     sizes : ndarray, shape (S, n)
         Change for one standard uncertainty of each of S inputs.
     without_bounds : ndarray, shape (n,)
-        Change, of limited size, from the optimum between the bounds to the optimum without bounds.
+        Change from the optimum between the bounds to the optimum without bounds, reduced if it is large.
     """
 
     sizes: Array

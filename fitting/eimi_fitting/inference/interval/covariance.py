@@ -102,7 +102,7 @@ class Linearisation:
     independent_points : float
         Number of independent points, from the correlation of all residuals.
     likelihood_points : float
-        Number of points that the likelihood counts; its weights are proportional to this number.
+        Number of independent points in the likelihood, with which the weights were computed.
     noise_points : float
         Number of independent points, from the correlation of the noise.
     noise_mm : float

@@ -121,7 +121,7 @@ def polish(
     unit : ndarray, shape (n,)
         The start, from 0 to 1 between the bounds.
     start : (Evaluation, ndarray), optional
-        The residuals at the start and its neighbours, and the distances between the neighbours, (n,).
+        The residuals at the start and at its neighbours for the derivatives, and the steps of the derivatives, (n,).
     enough : float
         Fraction of the objective. The run ends when a step lowers the objective by less.
     """
