@@ -105,7 +105,7 @@ class Coefficients:
 
 
 def _blocks(columns: Iterable[Sequence[Column]], first: int) -> list[list[int]]:
-    """Number the columns of several groups in order, beginning with ``first``; return the numbers of each group."""
+    """Return the numbers of the columns of each group, if they are numbered in order from ``first``."""
     blocks = []
     for some in columns:
         blocks.append(list(range(first, first + len(some))))

@@ -102,7 +102,7 @@ class Linearisation:
     independent_points : float
         Number of independent points, from the correlation of all residuals.
     likelihood_points : float
-        Number of independent points in the likelihood, with which the weights were computed.
+        The number N in the weights. It is larger than ``independent_points`` if only a part of the residuals is noise.
     noise_points : float
         Number of independent points, from the correlation of the noise.
     noise_mm : float
@@ -228,7 +228,7 @@ def independent_points(problem: Problem, misfits: tuple[Misfit, ...]) -> float:
 def linearise(problem: Problem, optimum: Optimum[Evaluation], likelihood_points: float | None = None) -> Linearisation:
     """Return the residuals of a fit (edges, tensile curves, priors) as linear functions of the unknowns.
 
-    ``likelihood_points`` is the number of points that the likelihood counts, by default the number of independent
+    ``likelihood_points`` is the number N in the weights of the residuals, by default the number of independent
     points, from the correlation of the residuals.
     """
     evaluation, distance = optimum.evaluation, optimum.distance
