@@ -7,6 +7,7 @@ import json
 import os
 import pickle
 import sys
+import threading
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -81,6 +82,31 @@ def test_a_weight_at_the_tip_of_a_virtual_beam_is_refused(setup: Any) -> None:
         InputError, match=r"^protocol short: tip_force_N = 0\.25, but a virtual beam has no weight at its"
     ):
         check_request(loaded, setup.specimen, virtual)
+
+
+def test_a_ring_down_is_not_faster_than_the_camera(setup: Any) -> None:
+    def check(rate_Hz: float | None, frame_rate_Hz: float | None) -> None:
+        ring_down = RingDown(seconds=1.0, rate_Hz=rate_Hz) if rate_Hz else None
+        protocol = setup.protocol.model_copy(update={"ring_down": ring_down})
+        camera = setup.rig.camera.model_copy(update={"frame_rate_Hz": frame_rate_Hz})
+        check_request(protocol, setup.specimen, setup.rig.model_copy(update={"camera": camera}))
+
+    check(50.0, 50.0)
+    check(50.0, None)
+    check(None, 10.0)
+    with pytest.raises(
+        InputError, match=r"short: ring_down\.rate_Hz = 50, but rig bench sets camera\.frame_rate_Hz = 49\.5"
+    ):
+        check(50.0, 49.5)
+
+
+def test_the_rating_of_the_coil_is_checked_before_a_run(setup: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[Any] = []
+    monkeypatch.setattr("eimi_lab.acquisition.run.refuse_overheating", lambda *given: asked.append(given))
+    check_request(setup.protocol, setup.specimen, setup.rig.model_copy(update={"coil": None}))
+    assert asked == []
+    check_request(setup.protocol, setup.specimen, setup.rig.model_copy(update={"coil": "rating"}))
+    assert asked == [(setup.protocol, "rating")]
 
 
 def test_a_coil_as_thermometer_is_measured_once_its_current_is_reached() -> None:
@@ -332,6 +358,7 @@ def test_events_are_written_as_lines_and_passed_on(capfd: pytest.CaptureFixture[
     heard: list[Event] = []
     with sending_events(heard.append, writes) as send:
         send(Warned(message="the µ of it"))
+        assert [thread.daemon for thread in threading.enumerate() if thread.name == "events"] == [True]
     os.close(writes)  # the lines were written to a copy of this descriptor
     lines = b""
     while piece := os.read(reads, 4096):
