@@ -206,10 +206,10 @@ def test_the_evidence_is_linearised_by_central_differences_and_weighted_by_its_e
 
 
 class Bending:
-    """A replacement for a beam model, whose residuals are 1 plus three times the error of an input.
+    """A replacement for a beam model. Each residual is 1 plus three times the change of an input.
 
-    limit : error above which the beam has no equilibrium
-    solved : errors for which the beam was solved
+    limit : change above which the beam has no equilibrium
+    solved : changes for which an equilibrium was computed
     """
 
     def __init__(self, limit: float, status: Status = Status.CONVERGED) -> None:

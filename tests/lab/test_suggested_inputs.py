@@ -1,4 +1,4 @@
-"""Suggested corrections of inputs, and the apparent width of a possible beam, agree with calculations by hand."""
+"""Suggested corrections of inputs, and the measured width of a dark body, agree with calculations by hand."""
 
 from __future__ import annotations
 

@@ -213,9 +213,8 @@ class SolidBeside:
     ) -> DepthEffect | None:
         """Return the depth effect (solid minus planar shapes) of a candidate law, interpolated between load states.
 
-        None if the loads (as vectors of all components of load) do not lie on a straight line, or if the solid model is
-        not solved in a needed load state. lift: displacements of the planar model at the nodes of the solid mesh.
-        flat: the planar shapes.
+        None if the differences between the load states are not proportional to each other, or if the solid model has no
+        solution. lift: displacements of the planar model at the nodes of the solid mesh. flat: the planar shapes.
         """
         along = _along_ray(loads)
         if along is None:

@@ -100,8 +100,10 @@ class CreepEvidence:
     shown: tuple[Array, Array] | None = None
 
     def shown_at(self, true: Array) -> Array:
-        """Return the rotations of the tip that would be measured if its true rotations were ``true``, both in rad."""
-        # Only a strongly bent beam is measured with a systematic error.
+        """Return the rotations of the tip that would be measured instead of the true ones, in rad.
+
+        The measurement divides the displacements by a constant, which is wrong for a strongly bent beam.
+        """
         if self.shown is None:
             return true
         nodes, values = self.shown
@@ -216,10 +218,11 @@ class StaticEvidence:
         return total / np.maximum(weights, 1e-30)
 
     def residuals_at(self, rotations: Sequence[Array]) -> Array:
-        """Return the error of ln(shear modulus) for P candidate laws, in standard uncertainties, (P, 1).
+        """Return the residuals of the modulus for P candidate laws, in standard uncertainties, (P, 1).
 
-        The modulus that an elastic fit to the computed shapes would find is compared with that of the measured shapes.
-        rotations: for each run, the computed rotations of the tip in its states, (P, states) in rad.
+        The residual compares the modulus that a fit without time dependence would find, if the tip had the computed
+        rotations, with the modulus of the real fit. rotations: the computed rotations of the tip in the states of each
+        run, (P, states) in rad.
         """
         gap = self._apparent_log(rotations) - np.log(self.modulus_Pa)
         return np.asarray(gap[:, None] / np.hypot(self.sigma, _STATIC_ERROR))

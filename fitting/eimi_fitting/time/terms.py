@@ -45,7 +45,7 @@ class Terms:
 
     @property
     def mean(self) -> Array:
-        """The prior means of the 1 + 2 n unknowns of a law with n terms, (1 + 2 n,)."""
+        """The prior means of the 1 + 2 n unknowns of a law with n Prony terms: ln modulus, ln shares, ln times."""
         low, high = np.log(self.range_s)
         # The range of times is divided into n intervals of equal length in ln tau. The prior median of tau_i is the
         # middle of interval i.
@@ -54,7 +54,7 @@ class Terms:
 
     @property
     def sigma(self) -> Array:
-        """The prior standard deviations of the 1 + 2 n unknowns of a law with n terms, (1 + 2 n,)."""
+        """The prior standard deviations of the same 1 + 2 n unknowns."""
         low, high = np.log(self.range_s)
         # The standard deviation of ln tau_i is half of such an interval.
         spacing = (high - low) / (2 * self.count) if self.free_times else _HELD_SIGMA

@@ -251,9 +251,9 @@ class Weighing:
         return result
 
     def _starts(self, result: Posterior, known: NDArray[np.bool_]) -> list[tuple[int, int]]:
-        """Return pairs of sets of bench errors, as indices: a set that was not simulated, and a simulated subset.
+        """Find, for each set of bench errors that was not simulated, a simulated set with some of its errors.
 
-        The simulation of the subset also corrects the linear model of the set.
+        The result contains pairs of indices. The simulation improves the linear approximation of both sets.
         """
         score = result.log_evidence + self.log_prior
         # Without a correction, a hypothesis that was not simulated seems to agree worse with the data than others. It

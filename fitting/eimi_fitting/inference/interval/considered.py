@@ -96,8 +96,8 @@ def unstated_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
 
 
 def _concerns(source: str, experiment: Experiment) -> bool:
-    """Return whether a usual error of a magnetic input changes the specimen, and a magnetic field acts on it."""
-    # Without a field, the direction of magnetisation has no effect.
+    """Return whether an error of a magnetic input, such as the direction of magnetisation, has an effect."""
+    # It has none without a field, or without a magnet.
     before = experiment.model.specimen
     changed = specimen_under(before, {source: np.full(len(SOURCES[source].parts), SOURCES[source].usual)})
     return changed != before and bool(experiment.loads.field_T.any())

@@ -228,7 +228,10 @@ def _explained(
 def _value(
     unknowns: Unknowns, unit: Array, states: Sequence[LinearStates], model_mm: Sequence[Array], points: float
 ) -> float:
-    """Return the objective of a joint fit of unknowns and uncertain inputs in mm."""
+    """Return the objective (mm) of a fit in which the errors of the uncertain inputs are fitted, too.
+
+    unit: the scaled unknowns. points: number of independent points.
+    """
     # The likelihood is proportional to this number to the power -points.
     return float(np.concatenate(_with_model(states, model_mm)).mean()) * float(
         np.exp(_squares(unknowns, unit) / (2 * points))
