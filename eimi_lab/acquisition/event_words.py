@@ -316,12 +316,12 @@ def _how_off(event: OffConfirmed) -> str:
 
 
 def off_after(off: OffConfirmed | OffNotConfirmed | None, seconds: float) -> str:
-    """Return a sentence for the web page: the coil is off after a person pressed STOP.
+    """Return a sentence for the web page after a person pressed STOP and the coil was found to be off.
 
     Parameters
     ----------
     off : OffConfirmed, OffNotConfirmed or None
-        The last event about the coil; OffConfirmed adds details.
+        The last event about the coil. OffConfirmed says how it was found, which the sentence repeats.
     seconds : float
         Time from STOP to the confirmation, s.
     """

@@ -271,9 +271,9 @@ def _compare(ward: Ward, supply: PowerSupply) -> str:
 
 
 def _find_off(supply: PowerSupply, was_on: set[bool]) -> bool:
-    """Return whether the output is off, and was off at all earlier attempts to switch it off.
+    """Return whether the output is off and has never been found on.
 
-    `was_on` contains True if an attempt found the output on; this function adds it.
+    `was_on` remembers whether the output was found on: it is empty, or contains True.
     """
     with suppress(InstrumentError):
         if supply.output_on():

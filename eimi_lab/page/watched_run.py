@@ -51,7 +51,7 @@ class Descriptors:
 
     @classmethod
     def of(cls, names: str) -> Descriptors:
-        """Return `memory`, `bell` and `events` from a command-line argument: three numbers, separated by commas."""
+        """Read the three file descriptors from a command-line argument: numbers, separated by commas."""
         return cls(*map(received, names.split(",")))
 
 

@@ -66,8 +66,8 @@ def mean_error_um(stored: dict[str, Any]) -> float:
 
 
 def mean_deviation_um(stored: dict[str, Any]) -> float:
-    """Return the mean standard deviation of the distances over all states (µm); infinity without an equilibrium.
+    """Return the mean over all states of the standard deviation of the distances between true and simulated edges (µm).
 
-    `stored` is an element of the result of `errors_of`.
+    The result is infinity if a beam had no equilibrium. `stored` is an element of the result of `errors_of`.
     """
     return float("inf") if stored["deviation_mm"] is None else 1e3 * float(np.mean(stored["deviation_mm"]))

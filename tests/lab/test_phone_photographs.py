@@ -1,4 +1,4 @@
-"""Fits of rendered photographs of a phone give the true modulus (see also `python -m benchmarks.phone`)."""
+"""Fits of simulated photographs, as a phone takes them, give the true modulus (see `python -m benchmarks.phone`)."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ class Interruptions:
             raise
 
     def raised(self, error: BaseException) -> bool:
-        """Return whether that function raised `error`; ForeignSupply then raises the error unchanged."""
+        """Return whether the error came from the function that the program calls between two messages."""
         return error is self._last
 
 

@@ -232,8 +232,8 @@ def at_once(
 ) -> Shapes | None:
     """Return the shapes of all candidate laws in K load states, solved for all states at once; None if this fails.
 
-    near: configurations of a similar beam, one row for each state, with which Newton's method begins. keep: see
-    `follow`.
+    near: configurations of a similar beam, one row for each state, with which Newton's method begins. keep: whether
+    the result also contains the configurations of all states.
     """
     p, k_states = len(chosen.sound), len(loads)
     loads_at = loads.on(mesh)

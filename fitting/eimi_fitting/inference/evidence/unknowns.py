@@ -300,7 +300,10 @@ class Unknowns:
         return precision
 
     def whole(self, unit: Array) -> Array:
-        """Append the specified values of those inputs that ``unit`` lacks; return P sets, (P, n)."""
+        """Return P sets of all n scaled unknowns, (P, n).
+
+        unit: the first columns of these sets. The inputs that they do not contain get their stated values.
+        """
         unit = np.atleast_2d(unit)
         missing = len(self.names) - unit.shape[1]
         return np.concatenate([unit, np.full((len(unit), missing), 0.5)], axis=1)
