@@ -49,8 +49,8 @@ class MotionOptions(PictureOptions):
         float | None,
         typer.Option(
             metavar="N",
-            help="for --ring-down or --creep: weight that hangs at the tip during the motion, in newtons; for --creep "
-            "without --removed, this weight was hung on the beam at the time of --released",
+            help="for --ring-down or --creep: weight that hangs at the tip during the motion, in newtons; a creep "
+            "without --removed begins when this weight is hung on the beam, at the time --released",
         ),
     ] = None
     removed: Annotated[

@@ -23,7 +23,7 @@ LONGEST_NAME = 120
 
 
 class PhoneDesk:
-    """The web addresses of the page "Weights and a phone". Only one browser tab may write files."""
+    """The part of the web server for photographs that a phone took. It lets only one browser tab write files."""
 
     def __init__(self, folder: DataFolder, worker: Worker, tabs: Tabs) -> None:
         self._folder, self._worker, self._tabs = folder, worker, tabs

@@ -14,9 +14,9 @@ PACKAGES = ("eimi_lab", "eimi_drivers", "eimi_fitting")
 
 
 def log_to_stderr(level: str) -> None:
-    """Print the messages of the log from ``level`` ("info" or "debug") upward on standard error.
+    """Print the messages of the log on standard error, from ``level`` upward.
 
-    Any other text prints no log.
+    Nothing is printed if ``level`` is neither "info" nor "debug".
     """
     if level not in LEVELS:
         return

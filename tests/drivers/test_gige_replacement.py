@@ -1,4 +1,4 @@
-"""The emulated GigE camera starts, delivers pictures and ends, with replacements for Aravis and the process."""
+"""The emulated GigE camera starts, delivers pictures and ends. Stand-ins replace Aravis and the camera's process."""
 
 from __future__ import annotations
 

@@ -93,7 +93,7 @@ class Outcome:
 
     interval : the 95 % interval
     fit_alone : the 95 % interval from noise and mesh alone
-    drawn : shift of the modulus by the random errors of the inputs, in standard deviations of this shift
+    drawn : shift of the modulus by the random errors of the inputs, divided by the standard deviation of such shifts
     seconds : processor time
     """
 

@@ -326,10 +326,10 @@ def _effect_of_equal(candidate: BentCandidate, options: SolidOptions) -> DepthEf
 
 
 def _most_suitable(places: Array, by_turn: bool, similar: tuple[DepthEffect, ...]) -> DepthEffect | None:
-    """Return the known depth effect whose range of load states is most similar to that of K load states, or None.
+    """Choose the known depth effect (solid minus planar shapes) from which a new one is computed, or None.
 
-    A new depth effect (solid minus planar shapes) is computed as a correction of it. places: rotation of the tip in rad
-    if ``by_turn``, else load from 0 to 1, in each of the K states, (K,). similar: the known depth effects.
+    Its largest load is most similar to the largest of K load states. places: rotation of the tip in rad if ``by_turn``,
+    else load from 0 to 1, in each of the K states, (K,). similar: the known depth effects.
     """
     near = [e.without_base for e in similar if e.by_turn == by_turn and e.covers(places)]
     farthest = np.abs(places).max()

@@ -161,7 +161,7 @@ class _Step:
     pressure : ndarray
         Change of the pressures, in the shape of ``Configuration.pressure``.
     stress : ndarray
-        The predicted stress, in the shape of ``Configuration.stress``.
+        The stress after the step according to the linear system, in the shape of ``Configuration.stress``.
     sound : ndarray of bool, shape (B,)
         Whether the linear system could be solved.
     indefinite : ndarray of bool, shape (B,)

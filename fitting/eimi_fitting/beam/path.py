@@ -233,7 +233,7 @@ def at_once(
     """Return the shapes of all candidate laws in K load states, solved for all states at once; None if this fails.
 
     near: configurations of a similar beam, one row for each state, with which Newton's method begins. keep: whether
-    the result also contains the configurations of all states.
+    to store the configurations of the first candidate.
     """
     p, k_states = len(chosen.sound), len(loads)
     loads_at = loads.on(mesh)

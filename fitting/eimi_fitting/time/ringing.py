@@ -243,9 +243,10 @@ class RingTable:
         return squares[1] / squares[0], turned[1] - turned[0]
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the changes of ln(frequency) of three modes by each uncertain input, (components of the input, 3).
+        """Return how much ln(frequency) of three modes changes if an input changes by its standard uncertainty.
 
-        sources: the standard uncertainties of the inputs, such as the width, by which they change.
+        sources: the standard uncertainties of the inputs, such as the width. The result has the shape (components of
+        the input, 3) for each input.
         """
         before = np.log(self.beam.undamped_Hz(self.middle_Pa))
         return {key: self._effect(key, sigma, before) for key, sigma in sources.items()}

@@ -120,10 +120,10 @@ class CreepEvidence:
         return self.shown_at(history.rotations(instantaneous_Pa, series, np.exp(load_log))[0])
 
     def residuals_at(self, true: Array) -> Array:
-        """Return the residuals of k measured rotations of the tip and of one prior for P candidate laws, (P, k + 1).
+        """Return the residuals of the k measured rotations of the tip for P candidate laws, (P, k + 1).
 
-        A free vibration shifts the mean rotation of a bent beam; the prior limits this shift. true: the rotations at
-        k times that each law predicts, in rad, (P, k).
+        The last residual is that of an unknown: the shift of the mean rotation by the free vibration, which has a
+        prior. true: the rotations at k times that each law predicts, in rad, (P, k).
         """
         gap = self.shown_at(true) - self.rotation
         error = _RECOVERY_ERROR if self.shown is None else _CREEP_ERROR

@@ -63,7 +63,7 @@ class ConsideredSources:
 
     @property
     def freed(self) -> Nuisance:
-        """The component of an input as an unknown of a fit; its standard uncertainty is that of the prior."""
+        """The component of the input as an unknown of a fit, with a normal prior of its standard uncertainty."""
         return Nuisance(self.name, self.shared.source, self.part, self.shared.datasets, self.standard_uncertainty)
 
 

@@ -66,7 +66,8 @@ def draw_noise(
     model_errors : ndarray, shape (C, n)
         Change of the unknowns by one standard deviation of each of C errors of the beam models.
     modulus_errors : ndarray, shape (C,)
-        Standard deviation of a second, independent change of the modulus (the first unknown) by each of the C errors.
+        Standard deviation of a further change of the modulus (the first unknown) by each of the C errors, drawn
+        independently of ``model_errors``. It accounts for other unknowns that compensate for a part of the error.
     """
     values, vectors = np.linalg.eigh(covariance)
     root = vectors * np.sqrt(np.maximum(values, 0.0))

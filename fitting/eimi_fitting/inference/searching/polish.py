@@ -45,7 +45,7 @@ class Evaluation(Protocol):
 
     @property
     def misfits(self) -> tuple[Misfit, ...]:
-        """The residuals at P points, one element for each experiment."""
+        """The residuals for P sets of parameters, one element for each experiment."""
 
 
 E = TypeVar("E", bound=Evaluation)
