@@ -1,4 +1,4 @@
-"""Count how often a fit warns (has a doubt) although the files of the bench are right.
+"""Count how often a fit warns although all inputs are right within their stated uncertainties.
 
 python -m benchmarks.rate_of_doubts [--experiments 100] [--seed 1] [--exact] [--one-polarity] [--record FILE]
 

@@ -148,7 +148,8 @@ def _simulated(
 ) -> tuple[Prediction[Law] | None, Correction | None]:
     """Return the simulation of a fit, and the difference of its edges from those of a planar beam model.
 
-    `near` holds such differences for other fits; `plain` is the simulation with the planar model.
+    `near` holds such differences for other fits, from which the solver of the accurate model starts. `plain` is the
+    simulation with the planar model.
     """
     fit, path, index = fitted_law.fit, fitted_law.path, fitted_law.index
     section = evidence.experiment.model.specimen.section

@@ -136,7 +136,10 @@ class DepthEffect:
 
     @cached_property
     def without_base(self) -> DepthEffect:
-        """The same depth effect (solid minus planar shapes) as one polynomial, which includes that of a similar law."""
+        """The same depth effect (solid minus planar shapes) as one polynomial.
+
+        It may be stored as a correction of the depth effect of a similar law, ``base``; the two are added here.
+        """
         if self.base is None or not self.places:
             return self.base or self
         scale = self.places[0] / self.base.places[0] if self.by_turn else 1.0
