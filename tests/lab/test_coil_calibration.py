@@ -255,8 +255,8 @@ def test_a_field_that_does_not_increase_with_the_current_is_refused(files: Path,
 
 
 def test_a_weak_coil_is_calibrated(files: Path) -> None:
-    new = with_measured_coil(load_calibration(files / "calibration.toml"), measured(0.01, 0.0), date.today())
-    assert new.coil_constant_mT_per_A == 0.01
+    new = with_measured_coil(load_calibration(files / "calibration.toml"), measured(0.5, 0.0), date.today())
+    assert new.coil_constant_mT_per_A == 0.5
 
 
 def test_the_field_of_a_calibrated_coil_is_uniform(files: Path) -> None:
