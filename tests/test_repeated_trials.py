@@ -1,4 +1,4 @@
-"""The benchmark of switching off repeats a trial that ends before its fault because the emulated supply is late."""
+"""A trial of switching off is started again if a late answer of the supply ends it before its fault begins."""
 
 from __future__ import annotations
 

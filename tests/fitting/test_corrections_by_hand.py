@@ -381,7 +381,10 @@ def noted(notes: list[Any], note: Any, result: Any) -> Any:
 
 
 def linear_rest(monkeypatch: pytest.MonkeyPatch, slopes: np.ndarray, offsets: np.ndarray) -> list[int]:
-    """Make the residuals of the unloaded beam linear in its shape, and in turn and shift of the picture."""
+    """Replace the residuals of the unloaded beam by linear functions of its shape and of the places of pictures.
+
+    The returned list receives the number of pictures at each call.
+    """
     calls: list[int] = []
 
     def residuals(amplitudes: np.ndarray, modulus_Pa: float, pictures: Any) -> list[np.ndarray]:

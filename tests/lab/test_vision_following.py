@@ -270,9 +270,9 @@ def test_a_beam_that_leaves_the_picture_keeps_its_long_edges():
 
 
 def stripes(*shown, aside_px=0.0):
-    """Draw the stripes in `shown`: a red one left of the clamp and a blue one right of it, as large as the beam.
+    """Draw a picture with stripes of the size of a beam: "red" is left of the clamp, and "blue" is right of it.
 
-    aside_px: shift of the picture to the right.
+    shown: names of the stripes to draw. aside_px: shift of the picture to the right.
     """
     image = np.full((96, 128, 3), 120.0)
     for name, colour, columns in (("red", (40, 60, 200), slice(48, 63)), ("blue", (200, 170, 40), slice(66, 81))):

@@ -184,7 +184,10 @@ class Strip:
         return self._lines(s, self.depth_mm, 0.5 * self.straight.depth_mm, core)
 
     def thickness(self, s: Array) -> Array | None:
-        """Return the relative depth of the beam at n arc lengths, (n,); None if the depth is constant."""
+        """Return the depth of the beam, divided by that of the reference beam, at n arc lengths, (n,).
+
+        The result is None if the depth is constant.
+        """
         return self.depth_mm(s) / self.straight.depth_mm if self._depths else None
 
 

@@ -167,7 +167,7 @@ def _fitted(rows: Rows, terms: tuple[int, ...]) -> Support | None:
 
 
 def _compared(support: Support, best: Support) -> Support:
-    """Return a copy of ``support`` with its excess of squared prediction errors over the set ``best``."""
+    """Return a copy of a set of terms that also says by how much it predicts worse than the set ``best``."""
     errors, best_errors = support.prediction_errors, best.prediction_errors
     excess = float(errors @ errors - best_errors @ best_errors)
     return replace(support, excess=excess, excess_error=2 * float(np.linalg.norm(errors - best_errors)))

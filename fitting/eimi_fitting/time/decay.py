@@ -295,7 +295,7 @@ def _envelope(signals: Signals, frequency: float) -> tuple[Array, Array]:
 def _segment(
     signals: Signals, frequency: float, length_mm: float, label: str, is_stepped: bool
 ) -> tuple[float, float, list[str]]:
-    """Return start and end in s of the part of a ring-down that is fitted, and warnings about the remaining frames."""
+    """Return start and end (s) of the part of a ring-down that is fitted, and warnings about the frames left out."""
     time, size = _envelope(signals, frequency)
     doubts: list[str] = []
     # Without a step of the load, the ring-down is assumed to begin at the largest amplitude.

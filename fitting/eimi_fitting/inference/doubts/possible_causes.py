@@ -108,10 +108,10 @@ class PossibleCause:
 
 
 def by_sources(*parts: Mapping[tuple[str, int], float]) -> Change:
-    """Return a function that adds an error of the test bench, as errors of one or several inputs, to a fit.
+    """Return a function that adds a bench error, which consists of errors of inputs, to the assumptions of a fit.
 
-    ``parts`` contains one mapping for each component of the bench error: the errors of inputs if this component has the
-    size 1. For example, ``{("clamp", 0): 1.0}`` is an error of 1 mm in the x of the clamp.
+    parts: for each component of the bench error, the errors of the inputs if this component has the size 1. For
+    example, ``{("clamp", 0): 1.0}`` is an error of 1 mm in the x of the clamp.
     """
 
     def change(assumed: Assumed, amplitudes: Array) -> Assumed:

@@ -40,7 +40,7 @@ class Refinement:
     better : callable
         Takes an experiment and returns it with the accurate model.
     remaining_share : float
-        Error of the fitted parameters with the accurate model, divided by their change from the fast model.
+        Error that remains in the parameters after the correction by the accurate model, divided by the correction.
     doubt : str
         Warning about a fit in which the accurate model has no equilibrium.
     """

@@ -424,7 +424,7 @@ def loads_under(loads: Loads, deviations: Mapping[str, Array]) -> Loads:
 def view_under(view: View, deviations: Mapping[str, Array]) -> View:
     """Return the view of the lens with a changed distance and tilt.
 
-    deviations: deviations (parts,) from the specified values, by the name of the input, such as "tilt".
+    deviations: changes of the inputs by name, such as "tilt", with one value for each component of the input.
     """
     for key, deviation in deviations.items():
         if change := SOURCES[key].lens:
