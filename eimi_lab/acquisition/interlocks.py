@@ -65,7 +65,7 @@ class Interlocks:
                 self._open(rule, None, silent_s)
 
     def restart(self) -> None:
-        """Forget the times of all readings after the output was off, so that `check_silence` waits for new values."""
+        """Forget the times of all earlier readings, because there were none while the output was off."""
         self._came_s.clear()
 
     def refuse_to_begin(self, readings: Mapping[str, float]) -> None:

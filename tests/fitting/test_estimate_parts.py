@@ -22,9 +22,9 @@ LOG_RANGE = np.log(100.0)
 def effect(moved: list[float], share: float, change: float, least_percent: float = 0.0, name: str = "finer") -> Any:
     """Return the effect of a better beam model, such as a finer mesh, on the result of a fit.
 
-    moved : change of the unknowns at the optimum, the modulus first
-    share : share of this change that remains uncertain
-    change : change of the derivative of the log-likelihood with respect to the modulus
+    moved : changes of the unknowns by the better model, the modulus first
+    share : share of ``moved`` that remains uncertain
+    change : how much the better model changes the derivative of the log-likelihood by the modulus
     least_percent : lower bound of the remaining error of the modulus (%)
     """
     return SimpleNamespace(

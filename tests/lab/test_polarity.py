@@ -46,7 +46,7 @@ def bench(setup: Any) -> Any:
 def person(setup: Any, answered: list[bool]) -> Callable[[], str | None]:
     """Return a replacement for a user who swaps the leads of the coil when the run asks for it.
 
-    answered: list that grows by one at each reading of the keyboard with the output off: whether the set-point is zero.
+    answered: receives, each time the run reads the keyboard while the output is off, whether the set-point is zero.
     """
 
     def typed() -> str | None:

@@ -38,7 +38,7 @@ class TextLine(SensorBase):
         return super().identify()
 
     def read(self) -> SensorReading:
-        """Return a new value of the board, with its unit and, if sent, its standard uncertainty."""
+        """Ask the sensor for a new value, and return it with its unit and, if sent, its standard uncertainty."""
         answer = self._ask("READ?")
         parts = answer.split()
         if len(parts) not in (2, 3) or not _UNIT.fullmatch(parts[1]):

@@ -77,25 +77,25 @@ class Vibration:
         shapes: int = 4,
         stiffenings: Sequence[float] = (1.0,),
     ) -> tuple[ReducedMotion, Configuration]:
-        """Return the stiffness and mass matrices of a beam in m modes, for B candidate laws, and the equilibria.
+        """Return the stiffness and mass matrices of a beam in m shapes of motion, and its equilibria.
 
         Parameters
         ----------
         law : Law
             The hyperelastic law.
         parameters : ndarray, shape (B, n)
-            The n parameters of each candidate; moduli in Pa.
+            The n parameters of B candidate laws; moduli in Pa.
         loads : Loads
             The loads in one load state.
         field_factor : ndarray, shape (B,), or None
             Factor on the magnetic loads.
         basis : tuple of ndarray, or None
-            Displacements of N nodes, (m, N, d), and motion of the magnet, (m, 3), in each shape. None: the lowest
-            undamped modes.
+            Displacements of N nodes, (m, N, d), and motion of the magnet, (m, 3), in each shape. None: the shapes are
+            undamped modes, computed for several ratios of the dynamic to the static modulus.
         shapes : int
-            Number of modes for each ratio in ``stiffenings``.
+            Number of undamped modes for each ratio.
         stiffenings : sequence of float
-            Ratios of the modulus in the vibration to the static modulus.
+            The ratios of the dynamic to the static modulus.
         """
         section = self.model.plane if isinstance(self.model, BeamModel) else "solid"
         chosen = candidates(law, parameters, section, None, field_factor)

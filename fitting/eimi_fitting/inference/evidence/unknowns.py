@@ -113,7 +113,7 @@ class Setup:
 
     @staticmethod
     def of(deviations: Iterable[tuple[str, int, Array | float]], candidates: int) -> Setup:
-        """Return the factor on the magnetic loads and the map of the image that errors of inputs cause.
+        """Return how errors of inputs change the magnetic loads and the positions in the image.
 
         Parameters
         ----------
