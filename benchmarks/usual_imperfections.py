@@ -100,7 +100,7 @@ def mean_ends(full: Sequence[Outcome]) -> Ends:
 def quick(case: Case, ends: Ends) -> Outcome:
     """Fit one experiment by interpolation between simulated beams; return the modulus with a 95 % interval.
 
-    `ends` contains the mean 95 % intervals of full fits, for each beam and noise.
+    The interval is the mean relative interval of complete fits with the same beam and noise, `ends`.
     """
     value, (low, high) = logarithm(case), ends[kind(case)]
     interval = (float(np.exp(value + low)), float(np.exp(value + high)))

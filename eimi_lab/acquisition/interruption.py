@@ -41,7 +41,7 @@ class Interruption:
 
     @contextmanager
     def heeding(self, run: Heeded) -> Iterator[None]:
-        """Let the other methods make `run` react to signals, such as Ctrl-C, inside the with statement."""
+        """Let the run `run` react to signals, such as Ctrl-C, inside the with statement."""
         self._run = run
         try:
             yield

@@ -81,7 +81,8 @@ class DatasetWriter:
     Parameters
     ----------
     path
-        The new file. If another program moves, deletes or replaces it, the attribute becomes the path of a copy.
+        The new file. If another program moves, deletes or replaces it during a run, its contents are written to a copy,
+        whose path then replaces this value.
     header
         Description of the run.
     like

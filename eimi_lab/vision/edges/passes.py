@@ -66,10 +66,10 @@ class Side:
     offset_px : ndarray, shape (n,)
         Distance of each point from the curve.
     sigma_px : ndarray, shape (n,)
-        Standard deviation of the offset due to image noise, not yet multiplied by the factor `scatter_scale`.
+        Standard deviation of the offset due to image noise, before it is adapted to the scatter of the points.
     common_px : ndarray, shape (n,)
-        Standard deviation of the offset due to the uncertain width of the silicone beside the magnet, not yet
-        multiplied by this factor.
+        Standard deviation of the offset due to the uncertain width of the silicone beside the magnet, before it is
+        adapted to the scatter of the points.
     sound : ndarray of bool, shape (n,)
         Whether an edge was detected at each point.
     stride : int
