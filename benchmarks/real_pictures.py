@@ -78,10 +78,10 @@ class _Scatter:
 
 
 def by_chance(points_px: Array, draws: int, rng: np.random.Generator) -> tuple[float, float, float]:
-    """Return how far chance alone changes the ratio of stated to observed standard deviation of an edge's points.
+    """Return how much the standard deviation that the program states for the points of an edge varies by chance.
 
     Edges with the scatter and the correlation of the given edge are simulated. Their true standard deviation is that
-    of the given edge; the observed one is that of the simulated points.
+    of the given edge.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def by_chance(points_px: Array, draws: int, rng: np.random.Generator) -> tuple[f
     Returns
     -------
     low, high : float
-        95 % range of the stated deviation divided by the observed deviation.
+        95 % range of the stated deviation divided by that of the simulated points.
     median : float
         Median of the stated deviation divided by the true deviation.
     """

@@ -116,7 +116,7 @@ class Goal:
 
     @staticmethod
     def of(path: Path, fits: Sequence[AnyFit], model: str | None, words: str) -> Goal:
-        """Return the goal that the options `--goal` and `--model` specify.
+        """Return the goal of a plan, which the options `--goal` and `--model` specify.
 
         Parameters
         ----------
@@ -127,7 +127,8 @@ class Goal:
         model : str or None
             Name of the law; None if the file holds one law.
         words : str
-            `modulus`, a parameter of the law, or another law of the file.
+            What the run is to determine: `modulus`, or the name of a parameter of the law. The name of another law of
+            the file means that the run is to distinguish the two laws.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Compute the errors of identified laws on a specimen."""
+"""Compute how well identified laws predict the bending of a specimen."""
 
 from __future__ import annotations
 

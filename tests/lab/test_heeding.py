@@ -267,7 +267,10 @@ class Sensor:
 
 
 def sensing(*sensors: tuple[str, str, Sensor]) -> tuple[Sensing, SimulatedClock, list[str]]:
-    """Return a reader of `sensors` (name, quantity, replacement), a clock, and a list of warnings and "beat"s."""
+    """Return a reader of `sensors`, its clock, and a list that receives its warnings and each sign of life ("beat").
+
+    sensors: the name, the measured quantity and the stand-in of each sensor.
+    """
     clock = SimulatedClock()
     told: list[str] = []
     opened = [

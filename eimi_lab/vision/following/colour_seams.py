@@ -55,8 +55,9 @@ def find_colour_seams(
     noise : float
         Standard deviation of the noise, grey levels (0 to 255).
     tolerances : iterable of float
-        For each search, the standard deviation about the expected position (in the first search) or about the previous
-        result, in widths of the beam; an edge far away needs a larger change of colour.
+        A number for each of several searches, in widths of the beam: how far the edge may be from its expected
+        position, which is ``edge`` in the first search and then the previous result. It is the standard deviation of a
+        prior: an edge far away needs a larger change of colour.
     shadowless : bool
         Whether to use only weighted sums of the colours in which a shadow is invisible.
     """

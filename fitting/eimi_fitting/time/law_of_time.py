@@ -236,7 +236,11 @@ def optimum_of(problem: Problem, seed: int = 1, fewer: TimeOptimum | None = None
 
 
 def _polished(problem: Problem, start: Array) -> tuple[Array, Array, int, bool]:
-    """Fit by least squares; return the m unknowns, derivatives, number of computed laws, and whether it converged."""
+    """Fit the m unknowns by least squares.
+
+    The result contains the unknowns, the derivatives of the residuals, the number of computed candidate laws, and
+    whether the fit converged.
+    """
     m, scale = len(start), np.minimum(problem.sigma, 1.0)
     moves = _STEP * np.concatenate([np.zeros((1, m)), np.diag(scale), -np.diag(scale)])
     last: tuple[Array, Array] = (np.full(m, np.nan), np.zeros((0, m)))

@@ -34,7 +34,8 @@ class Coefficients:
     scale : ndarray, shape (C + 1,)
         Prior standard deviation of each unknown, then 1.
     law, simulated, common : int
-        Index of the first error of an input, of the first error of the beam model, and of the first bench error.
+        Number of unknowns of the law; with the errors of inputs; and with the errors of the beam model. They are the
+        indices at which the next kind of unknown begins.
     of_inputs, of_causes : list of list of int
         Indices of the unknowns of each input, and of each bench error.
     columns : list of Column

@@ -122,9 +122,10 @@ class Weighing:
         return len(columns) if shown is None else sum(column.part < shown for column in columns) or len(columns)
 
     def alone(self, best: int) -> slice:
-        """Return the positions in ``hypotheses`` of sets of 0 or 1 bench errors, in the half that contains ``best``.
+        """Return the indices of the sets of 0 or 1 bench errors in ``hypotheses``.
 
-        If inputs are uncertain, ``hypotheses`` contains all sets with exact inputs, then all with uncertain inputs.
+        ``hypotheses`` contains all sets with exact inputs and, if inputs are uncertain, then all sets with uncertain
+        inputs. The indices are those of the kind to which the set ``best`` belongs.
         """
         first = self.is_uncertain[best] * (len(self.hypotheses) // len(self._members))
         return slice(first, first + 1 + len(self._causes))

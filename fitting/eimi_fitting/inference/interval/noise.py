@@ -65,9 +65,9 @@ class Effect:
     moved : ndarray, shape (n,)
         Change of the fitted values, scaled to 0..1 between their bounds.
     share : float, optional
-        Error of the fitted values with the accurate model, as a share of ``moved``.
+        Error that the fitted values still have with the accurate model, as a share of ``moved``.
     least_percent : float
-        Smallest 95 % bound of the error of the modulus in per cent; it replaces a smaller one that ``share`` gives.
+        Lower limit of the 95 % bound of the error of the modulus in per cent.
     """
 
     correction: Correction
