@@ -45,7 +45,7 @@ class Assumed:
 
     @property
     def with_errors(self) -> Experiment:
-        """The experiment with the specimen, the loads and the lens that the errors ``deviations`` of the inputs give."""
+        """The experiment with the specimen, the loads and the lens that follow from the errors ``deviations``."""
         parts: dict[str, Array] = {}
         for source, part, value in self.deviations:
             if SOURCES[source].changes_experiment:
