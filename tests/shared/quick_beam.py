@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from eimi_fitting.beam.beside import SolidBeside, SolidOptions, SolidShapes
+from eimi_fitting.beam.depth_effect import DepthEffect
 from eimi_fitting.beam.equilibrium import Configuration, Status
 from eimi_fitting.beam.kinds_of_load import UniformField
 from eimi_fitting.beam.loads import Loads
@@ -87,7 +88,8 @@ def quick_shapes(
 
     angle = turned(along)
     weights = 0.5 * straight[:, 0, None] * _WEIGHTS
-    x, y = ((shape(angle) * weights).sum(axis=-1) for shape in (np.cos, np.sin))
+    x = straight[:, 0] - (2 * np.sin(0.5 * angle) ** 2 * weights).sum(axis=-1)
+    y = (np.sin(angle) * weights).sum(axis=-1)
     end = turned(straight[:, 0, None])[..., 0]
     thinner = 1 - 0.02 * (1 + ratio[..., None]) * np.abs(level[..., None]) * flexible
     offset = straight[:, 1] * across * thinner
@@ -112,9 +114,16 @@ def quick_solid(self: SolidBeside, law: Law, parameters: Array, loads: Loads, **
     chosen = options.pop("options", None) or SolidOptions()
     flat = quick_shapes(self.planar, law, parameters, loads, **options)
     inexact = 1e-6 * len(chosen.similar) + 2e-6 * (chosen.planar_shapes is not None) + 1e-3 * chosen.accuracy_mm
+    inexact += 3e-6 * (chosen.earlier is not None)
     share = 1 - 0.04 * np.minimum(self.specimen.width_mm / self.specimen.depth_mm, 1.0) + inexact
     space = self._in_space(flat)[:, :, self._column]
     z = self.mesh.nodes[:, 2]
     narrower = np.stack([0 * z, -0.01 * self.mesh.nodes[:, 1] * (z / self.specimen.depth_mm) ** 2, 0 * z], axis=-1)
-    more = {"displacement": share * space + narrower, "rigid": share * flat.rigid}
-    return SolidShapes(**(vars(flat) | more))
+    displacement, rigid = share * space + narrower, share * flat.rigid
+    empty = np.zeros((0, 1, 4)), np.zeros((6, 0, 1, 1))
+    changes = [
+        Configuration(one[None], turn[None], *empty)
+        for one, turn in zip((displacement - space)[0], (rigid - flat.rigid)[0], strict=True)
+    ]
+    effect = DepthEffect(tuple(flat.rigid[0, :, 2].tolist()), tuple(changes), by_turn=True)
+    return SolidShapes(**(vars(flat) | {"displacement": displacement, "rigid": rigid}), effect=effect)

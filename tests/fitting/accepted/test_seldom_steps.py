@@ -1,0 +1,301 @@
+"""Steps that a fit seldom takes, such as a finer mesh without an equilibrium, have the described results."""
+
+from __future__ import annotations
+
+import pickle
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eimi_fitting.beam.equilibrium import Status
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.model import BeamModel
+from eimi_fitting.beam.rest_modes import with_modes
+from eimi_fitting.beam.specimen import Specimen
+from eimi_fitting.discovery.terms_of_a_law import discover
+from eimi_fitting.inference import corrected_optimum
+from eimi_fitting.inference.doubts.checks import slip_doubts
+from eimi_fitting.inference.evidence.experiment import DISCARDED_MM, Experiment
+from eimi_fitting.inference.evidence.measurements import PointObservation
+from eimi_fitting.inference.evidence.objective import Problem
+from eimi_fitting.inference.evidence.parameter_priors import INITIAL_SHEAR_MODULUS, Prior
+from eimi_fitting.inference.evidence.sources import SOURCES
+from eimi_fitting.inference.evidence.tensile_curves import TensileCurve, TensileEvidence
+from eimi_fitting.inference.evidence.unknowns import NuisancePrior, Unknowns, nuisances
+from eimi_fitting.inference.identification import _problem, _search, identify
+from eimi_fitting.inference.interval.noise import linearise_noise
+from eimi_fitting.inference.planning.design_of_experiment import EdgeNoise, KnownLaw, candidates, states_reached
+from eimi_fitting.inference.planning.exchange import exchange
+from eimi_fitting.inference.searching._cma import _Absent
+from eimi_fitting.inference.searching.modulus_range import NothingActs, NothingConverged, narrowed, scanned
+from eimi_fitting.inference.searching.named_causes import NamedCause, doubtful_loads
+from eimi_fitting.inference.searching.polish import polish
+from eimi_fitting.laws import LAWS
+from eimi_fitting.laws.search_space import search_space
+from eimi_fitting.laws.sum_of_terms import Term
+from eimi_fitting.laws.tensile import CannotFit
+from tests.shared.quick_beam import quick_shapes
+from tests.shared.quick_fits import BEAM, LOADS, edges, experiment, points
+
+NEO = "neo-hookean"
+WIDER = replace(BEAM, width_mm=3.05)
+STRIP = Specimen(25.0, 2.5, 8.0, 1070.0, "plane-stress")
+UNDER_FORCE = Loads.along([0.0] * 3, gravity_angle_deg=80.0, tip_force_N=[4e-4, -9e-4, 2.1e-3])
+
+
+def problem(*experiments: Experiment, law: str = NEO) -> Problem:
+    space = search_space(LAWS[law])
+    return Problem(
+        LAWS[law], Unknowns(replace(space, lower=(5e3, *space.lower[1:]), upper=(5e5, *space.upper[1:]))), experiments
+    )
+
+
+def fails_if(monkeypatch: pytest.MonkeyPatch, where: Callable[[BeamModel, Any], bool]) -> None:
+    """Let a beam have no equilibrium if `where` is true for its model and its options."""
+
+    def solve(self: BeamModel, *given: Any, **options: Any) -> Any:
+        shapes = quick_shapes(self, *given, **options)
+        if where(self, options):
+            shapes.status[...] = Status.DIVERGED
+        return shapes
+
+    monkeypatch.setattr(BeamModel, "solve", solve)
+
+
+@pytest.mark.parametrize(("most_along", "effects"), [(13, 0), (26, 0), (60, 1)])
+def test_a_fit_is_corrected_by_the_meshes_that_have_an_equilibrium(
+    monkeypatch: pytest.MonkeyPatch, most_along: int, effects: int
+) -> None:
+    given = problem(experiment(edges(law=NEO)))
+    given = replace(given, experiments=tuple(replace(one, model=one.model.halved()) for one in given.experiments))
+    fails_if(monkeypatch, lambda model, options: model.along > most_along)
+    end = corrected_optimum.refine(given, np.array([0.5]), 1)
+    assert len(end.effects) == effects
+    assert (end.estimate.mesh.change_percent is None) is (effects == 0)
+    assert (end.problem.experiments[0].change is not None) is (most_along > 13)
+
+
+def test_inputs_without_an_equilibrium_leave_the_first_linear_fit(monkeypatch: pytest.MonkeyPatch) -> None:
+    given = problem(experiment(edges(WIDER, law=NEO), width=0.02))
+    optimum = polish(given.nearby(1.0), np.array([0.5]))
+    whole = linearise_noise(given, optimum)
+    evaluated = Problem.evaluate
+
+    def without_inputs(self: Problem, unit: Any, *more: Any, **options: Any) -> Any:
+        found = evaluated(self, unit, *more, **options)
+        if self.unknowns.freed:
+            found.comparison.unconverged[-1] = True
+        return found
+
+    monkeypatch.setattr(Problem, "evaluate", without_inputs)
+    found = linearise_noise(given, optimum)
+    # The optimum itself, without an error of the width, remains.
+    assert found.explained.squares == 0.0
+    assert whole.explained.squares == pytest.approx(6.25, abs=0.5)
+    np.testing.assert_allclose(found.explained.states[0].residuals, found.about.states[0].residuals)
+
+
+def test_inputs_without_an_equilibrium_are_named() -> None:
+    given = problem(experiment(edges(law=NEO), width=0.02, coil=0.01))
+    noise = linearise_noise(given, polish(given.nearby(1.0), np.array([0.5])))
+    assert noise.not_considered(given) == ()
+    left = replace(noise, sources=tuple(one for one in noise.sources if one.shared.source == "coil"))
+    (words,) = left.not_considered(given)
+    assert words == (
+        "the intervals do not contain the uncertainty of the width: no equilibrium was found for a deviation from the "
+        "given value"
+    )
+
+
+SLIPS: dict[str, Callable[[Loads], Loads]] = {
+    "field_reversed": lambda loads: replace(loads, field_T=-loads.field_T),
+    "gravity_reversed": lambda loads: replace(loads, gravity=-loads.gravity),
+    "force_reversed": lambda loads: replace(loads, tip_force_N=-loads.tip_force_N),
+}
+
+
+@pytest.mark.parametrize("slip", SLIPS)
+def test_a_mistake_in_the_loads_is_named(slip: str) -> None:
+    has_force = slip.startswith("force")
+    loads = (
+        Loads.along([0.0] * 3, 90.0, 0.0, [1e-3, 2e-3, -3e-3], 0.0, 90.0)
+        if has_force
+        else Loads.along([0.0, 1.5, 3.0], gravity_angle_deg=40.0)
+    )
+    beam = STRIP if has_force else BEAM
+    one = replace(experiment(edges(beam, loads, NEO), beam, loads), loads=SLIPS[slip](loads))
+    alone = problem(one)
+    scan = narrowed(alone, scanned(alone, 60.0), 60.0)
+    try:
+        (found,) = doubtful_loads(alone, scan, 60.0)
+    except NamedCause as raised:
+        found = raised
+    assert (found.slip, found.experiment) == (slip, 0)
+    assert found.error_without_mm < 0.4 * found.error_mm
+    again = pickle.loads(pickle.dumps(found))
+    assert (again.slip, again.error_mm, again.error_without_mm, str(again)) == (
+        found.slip,
+        found.error_mm,
+        found.error_without_mm,
+        str(found),
+    )
+    (doubt,) = slip_doubts([found])
+    assert (doubt.dataset, doubt.kind) == (0, "loads")
+    assert doubt.words == (
+        f"check the loads in the files for {found.words}: without this mistake the mean error would be about "
+        f"{found.error_without_mm:.2g} mm instead of {found.error_mm:.2g} mm"
+    )
+
+
+def test_right_loads_of_one_dataset_are_not_doubted() -> None:
+    loads = Loads.along([0.0, 1.5, 3.0], gravity_angle_deg=40.0)
+    right = experiment(edges(BEAM, loads, NEO), BEAM, loads)
+    wrong = replace(right, loads=replace(loads, field_T=-loads.field_T))
+    both = problem(right, wrong)
+    with pytest.raises(NamedCause) as raised:
+        doubtful_loads(both, narrowed(both, scanned(both, 60.0), 60.0), 60.0)
+    assert raised.value.experiment == 1
+
+
+def test_a_beam_without_loads_or_without_an_equilibrium_cannot_be_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
+    none = Loads.along([0.0, 0.0], gravity_angle_deg=None)
+    with pytest.raises(
+        NothingActs, match="no load acts on the specimen in any state: no gravity, no tip force, and no"
+    ):
+        scanned(problem(experiment(points(STRIP, none, NEO), STRIP, none)), 20.0)
+    given = problem(experiment(edges(law=NEO)))
+    fails_if(monkeypatch, lambda model, options: True)
+    with pytest.raises(NothingConverged, match=r"even with a shear modulus of 1e\+18 Pa no beam can be simulated"):
+        scanned(given, 20.0)
+    with pytest.raises(NothingConverged, match=r"none of the \d+ candidates for the parameters of neo-hookean could"):
+        _search(given, 20.0, most_generations=2)
+
+
+def test_a_bulk_modulus_is_fitted_in_plane_strain_only() -> None:
+    one = experiment(edges(law=NEO))
+    words = "the fit can determine the bulk modulus only if the section is plane-strain; the section is plane-stress"
+    with pytest.raises(ValueError, match=words):
+        identify(NEO, [one], free_bulk=True)
+    strain = replace(BEAM, section="plane-strain")
+    found = _problem(NEO, [experiment(edges(strain, law=NEO), strain)], (), True, (), ())
+    assert found.unknowns.names[-1] == "log10 K/mu"
+
+
+def test_opposite_fields_free_the_even_inputs_with_an_uncertainty() -> None:
+    one = experiment(edges(law=NEO), background_field=0.02, width=0.02)
+    found = _problem(NEO, [one], (NuisancePrior("width"),), False, (), ())
+    assert found.unknowns.names == ("mu", "width", "background field x", "background field y")
+    assert [nuisance.spread for nuisance in found.unknowns.freed] == [0.02, 0.02, 0.02]
+
+
+def test_a_freed_input_needs_an_uncertainty() -> None:
+    with pytest.raises(
+        ValueError, match="depth: dataset 0 gives no standard uncertainty; give a standard deviation above 0"
+    ):
+        nuisances((NuisancePrior("depth"),), 1)
+    stated = [experiment(edges(law=NEO), depth=0.0).stated]
+    with pytest.raises(
+        ValueError, match="depth: dataset 0 gives an uncertainty of 0; give a standard deviation above 0"
+    ):
+        nuisances((NuisancePrior("depth"),), 1, stated)
+    with pytest.raises(ValueError, match="breadth is no uncertain quantity: choose one of moment, coil, scale"):
+        NuisancePrior("breadth")
+
+
+@pytest.mark.parametrize("kind", SOURCES)
+def test_a_standard_deviation_is_above_zero_and_at_most_the_largest_of_its_input(kind: str) -> None:
+    largest = SOURCES[kind].largest
+    NuisancePrior(kind, largest)
+    for spread in (0.0, -1e-9, 1.001 * largest):
+        words = f"{kind}: a standard deviation of {spread:g} should be above 0 and at most {largest:g}"
+        with pytest.raises(ValueError, match=words):
+            NuisancePrior(kind, spread)
+
+
+def test_a_prior_has_the_unit_of_its_parameter() -> None:
+    ogden = LAWS["ogden"]
+    names = (INITIAL_SHEAR_MODULUS, *ogden.parameter_names)
+    units = [Prior(name, 2.0, 1.0).unit(ogden) for name in names]
+    assert units == ["Pa", *ogden.units]
+    assert "1" in units
+
+
+def test_a_tensile_curve_without_stress_cannot_be_used() -> None:
+    with pytest.raises(CannotFit, match="every stress is zero, but a fit needs stresses that are not zero"):
+        TensileEvidence.of(TensileCurve(np.linspace(0.1, 1, 9), np.zeros(9)), NEO)
+
+
+def test_plans_refuse_what_cannot_be_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    known, noise = KnownLaw(LAWS[NEO], np.array([46e3])), EdgeNoise(0.003, 90, 4.5)
+    with pytest.raises(KeyError, match="C10"):
+        candidates(known, BEAM, LOADS, (), noise, "C10")
+    with pytest.raises(ValueError, match="cannot choose 4 states: only 3 states could be measured"):
+        exchange([0, 1, 2], 4)  # type: ignore[arg-type]
+    fails_if(monkeypatch, lambda model, options: model.along == 26)
+    assert candidates(known, BEAM, LOADS, (), noise).sources == ()  # the finer mesh has no equilibrium
+    fails_if(monkeypatch, lambda model, options: True)
+    words = "none of the 4 states has a stable equilibrium: check loads, specimen and law"
+    with pytest.raises(ValueError, match=words):
+        states_reached(known, BeamModel(BEAM), LOADS)
+
+
+def test_a_search_for_terms_needs_data_and_a_term_with_a_modulus() -> None:
+    with pytest.raises(ValueError, match="give at least one bent beam or one tensile curve"):
+        discover([], [])
+    term = Term.of("i1")
+    with pytest.raises(ValueError, match="the library contains a term twice: give each term once"):
+        discover([], [], library=(term, Term.of("i2"), term))
+    with pytest.raises(
+        ValueError, match="no term that adds to the initial shear modulus and has a finite stress at all"
+    ):
+        discover([], [], library=(Term.of("i1^2"), Term.of("i1^3")))
+
+
+def test_slow_packages_are_blocked_in_one_thread_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    absent = _Absent()
+    for name in ("matplotlib", "scipy.stats"):
+        with pytest.raises(ModuleNotFoundError, match=f"the import of {name} is blocked on purpose") as raised:
+            absent.find_spec(name, None, None)
+        assert raised.value.name == name
+    assert absent.find_spec("scipy.optimize", None, None) is None
+    monkeypatch.setattr("threading.get_ident", lambda: -1)
+    assert absent.find_spec("matplotlib", None, None) is None
+    assert not any(isinstance(finder, _Absent) for finder in sys.meta_path)
+
+
+def test_tracked_points_of_a_solid_keep_their_relative_place_in_another_specimen() -> None:
+    specimen = with_modes(replace(STRIP, section="solid"), (0.5, 0.0, 0.0))
+    flat = points(specimen, UNDER_FORCE, NEO)
+    depth = np.tile([0.0, 1.0, -2.0, 3.0, -1.0, 4.0], (3, 1))
+    one = experiment(replace(flat, depth_mm=depth), specimen, UNDER_FORCE)
+    deviations = {"length": np.array([0.5]), "width": np.array([0.25]), "depth": np.array([0.8])}
+    moved = one.under(deviations).observed
+    assert isinstance(moved, PointObservation)
+    np.testing.assert_allclose(moved.depth_mm, 1.1 * depth)
+    straight = one.model.grid.straightened(flat.rest_mm[1])
+    new = one.under(deviations).model.grid.straightened(moved.rest_mm[1])
+    np.testing.assert_allclose(new, straight * [25.5 / 25.0, 2.75 / 2.5], atol=1e-6)
+    np.testing.assert_allclose(moved.moved_mm - moved.rest_mm, flat.moved_mm - flat.rest_mm, atol=1e-12)
+    assert one.under({}) is one
+    assert one.under({"roll": np.array([1.0])}).model is one.model
+
+
+def test_an_unstable_start_moves_toward_the_middle_of_the_bounds() -> None:
+    asked: list[np.ndarray] = []
+
+    def evaluated(unit: np.ndarray, points_: float) -> Any:
+        asked.append(unit[0])
+        valid = unit[0, 1] < 0.72
+        return SimpleNamespace(objective_mm=np.array([0.1 if valid else DISCARDED_MM]))
+
+    given: Any = SimpleNamespace(evaluate=evaluated)
+    found = corrected_optimum._valid(given, np.array([0.9, 0.9, 0.1]))
+    np.testing.assert_allclose(found, [0.9, 0.7, 0.3])
+    np.testing.assert_allclose(asked, [[0.9, 0.8, 0.2], [0.9, 0.7, 0.3]])
+    given.evaluate = lambda unit, points_: SimpleNamespace(objective_mm=np.array([DISCARDED_MM]))
+    np.testing.assert_allclose(corrected_optimum._valid(given, np.array([0.9, 0.9, 0.1])), [0.9, 0.9, 0.1])
