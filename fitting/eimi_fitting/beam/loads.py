@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,7 +13,7 @@ from eimi_fitting.beam.kinds_of_load import CoilField, Gravity, Pressure, TipFor
 from eimi_fitting.beam.specimen import STANDARD_GRAVITY
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from eimi_fitting.beam.actuation import Actuation, LoadedMesh
     from eimi_fitting.beam.coil_field import CoilShape
@@ -161,6 +161,22 @@ class Loads:
             self.coil,
         )
 
+    @staticmethod
+    def joined(parts: Sequence[Loads]) -> Loads:
+        """Join several loads of one kind into one object with all their states.
+
+        The spatial variation of the field is that of the first part. Parts may have fewer ``others`` than the longest.
+        """
+        most = max((part.others for part in parts), key=len)
+        return replace(
+            parts[0],
+            field_T=np.concatenate([part.field_T for part in parts]),
+            gravity=np.concatenate([part.gravity for part in parts]),
+            tip_force_N=np.concatenate([part.tip_force_N for part in parts]),
+            pressure_Pa=np.concatenate([np.broadcast_to(np.asarray(part.pressure_Pa), len(part)) for part in parts]),
+            others=tuple(_joined(kind, place, parts) for place, kind in enumerate(most)),
+        )
+
     def state(self, k: int) -> Array:
         """Return all components of the loads in state k as one vector, shape (m,)."""
         return np.concatenate([actuation.numbers[k] for actuation in self.actuations])
@@ -175,3 +191,16 @@ class Loads:
         Its arguments are the components of the loads, (m,), and a factor on magnetic loads for each of B laws, (B,).
         """
         return partial(mesh.loads, self.actuations)
+
+
+def _joined(kind: Any, place: int, parts: Sequence[Loads]) -> Actuation:
+    """Return a load like ``kind`` in all states of several parts; it is zero in a part without such a load.
+
+    place: the index of the load in ``others`` of each part.
+    """
+    nothing = np.zeros(kind.numbers.shape[1])
+    numbers = [
+        part.others[place].numbers if place < len(part.others) else np.tile(nothing, (len(part), 1)) for part in parts
+    ]
+    joined: Actuation = replace(kind, numbers=np.concatenate(numbers))
+    return joined

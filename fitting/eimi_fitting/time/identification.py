@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -326,7 +326,7 @@ def _creeps(
         slow = slow_rotations(motion, signals, decay, per_rad)
         if slow is None:
             continue
-        loads = _stacked([load for _, load in before] + [recorded.loads])
+        loads = Loads.joined([load for _, load in before] + [recorded.loads])
         history = LoadHistory.of(beam, middle_Pa, loads, [*(begin for begin, _ in before), 0.0])
         shown = shown_rotations(beam, bent_Pa, motion.rest_mm, signals, per_rad)
         evidence.append(CreepEvidence(history, *slow, label=motion.label, shown=shown))
@@ -347,16 +347,6 @@ def _at_rest(
     return None, ()
 
 
-def _stacked(parts: Sequence[Loads]) -> Loads:
-    """Join several `Loads` into one `Loads` with all states."""
-    return replace(
-        parts[0],
-        field_T=np.concatenate([part.field_T for part in parts]),
-        gravity=np.concatenate([part.gravity for part in parts]),
-        tip_force_N=np.concatenate([part.tip_force_N for part in parts]),
-    )
-
-
 def _static_evidence(static: StaticStates | None, specimen: Specimen, law: Law, shape: Array) -> StaticEvidence | None:
     if static is None:
         return None
@@ -365,7 +355,7 @@ def _static_evidence(static: StaticStates | None, specimen: Specimen, law: Law, 
         (LoadHistory.of(beam, static.modulus_Pa, run.loads, list(run.set_s)), run.seen_s)
         for beam, run in zip(beams, static.runs, strict=True)
     )
-    loads = _stacked([run.loads for run in static.runs])
+    loads = Loads.joined([run.loads for run in static.runs])
     return StaticEvidence(beams[0], runs, loads, static.modulus_Pa, static.sigma, dict(static.of_picture))
 
 

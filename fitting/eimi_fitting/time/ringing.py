@@ -23,7 +23,6 @@ from numpy.polynomial.chebyshev import chebval, chebvander
 from numpy.typing import NDArray
 
 from eimi_fitting.beam.beside import SolidBeside, SolidOptions
-from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.modal_motion import ReducedMotion, fixed_point, squares_by_stiffening
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.path import candidates
@@ -260,18 +259,8 @@ class RingTable:
                 deviation[part] = sigma
                 effect[part] = np.log(self.beam.under({key: deviation}).undamped_Hz(self.middle_Pa)) - before
         if source.field and sigma and self.beam.loads.field_T.any():
-            changed = RingingBeam(
-                self.beam.specimen,
-                Loads(
-                    self.beam.loads.field_T * (1 + sigma),
-                    self.beam.loads.gravity,
-                    self.beam.loads.tip_force_N,
-                    coil=self.beam.loads.coil,
-                ),
-                self.beam.law,
-                self.beam.shape,
-                self.beam.hanging_N,
-            )
+            loads = self.beam.loads
+            changed = replace(self.beam, loads=replace(loads, field_T=loads.field_T * (1 + sigma)))
             effect[0] = np.log(changed.undamped_Hz(self.middle_Pa)) - before
         return effect
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,10 +87,9 @@ class RingingBeam:
 
     def under(self, deviations: Mapping[str, Array]) -> RingingBeam:
         """Return the beam with errors of uncertain inputs, such as the width, by their names."""
-        return RingingBeam(
-            specimen_under(self.specimen, deviations), loads_under(self.loads, deviations), self.law, self.shape,
-            self.hanging_N,
-        )  # fmt: skip
+        return replace(
+            self, specimen=specimen_under(self.specimen, deviations), loads=loads_under(self.loads, deviations)
+        )
 
     def modulus_at(self, frequency_Hz: float) -> float:
         """Return the shear modulus (Pa) at which the lowest undamped frequency of the planar model is ``frequency_Hz``.

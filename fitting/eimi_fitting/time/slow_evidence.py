@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_fitting.beam.loads import Loads
-from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.inference.evidence.sources import SOURCES, loads_under
 from eimi_fitting.laws.prony import Prony
 from eimi_fitting.time.loaded_creep import CreepHistories, LoadCurve, LoadStep
@@ -261,7 +260,7 @@ class StaticEvidence:
         field_factor: float = 1.0,
         deviations: Mapping[str, Array] | None = None,
     ) -> Array:
-        model = BeamModel(beam.specimen, plane=beam.specimen.planar_section)
+        model = beam.planar()
         loads = loads_under(self.loads, deviations) if deviations else self.loads
         parameters = beam.parameters(np.array([factor * self.modulus_Pa]))
         shapes = model.solve(beam.law, parameters, loads, field_factor=np.array([field_factor]))

@@ -6,6 +6,8 @@ vibrations are subtracted, and the remaining motion is averaged over at least on
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import scipy
 from numpy.typing import NDArray
@@ -47,10 +49,10 @@ def displacement_per_rad(beam: RingingBeam, modulus_Pa: float, loads: Loads, bef
     change, turn = difference(modulus_Pa * np.array([_STEP, 1 / _STEP]), loads, (0, 0), (0, 1))
     if abs(turn) < 1e-4:
         field, force = loads.field_T[0], loads.tip_force_N[0]
-        small = Loads(
-            np.stack([field, field + 0.1 * (before.field_T[0] - field)]),
-            np.repeat(loads.gravity, 2, axis=0),
-            np.stack([force, force + 0.1 * (before.tip_force_N[0] - force)]),
+        small = replace(
+            loads.take(np.zeros(2, np.intp)),
+            field_T=np.stack([field, field + 0.1 * (before.field_T[0] - field)]),
+            tip_force_N=np.stack([force, force + 0.1 * (before.tip_force_N[0] - force)]),
         )
         change, turn = difference(np.array([modulus_Pa]), small, (0, 1), (0, 0))
     return change / turn if abs(turn) > 1e-7 else np.zeros_like(change)

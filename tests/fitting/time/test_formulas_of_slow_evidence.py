@@ -544,7 +544,7 @@ def test_a_motion_is_stepped_if_its_field_or_force_was_another_one() -> None:
         one = identification.RecordedMotion(motion, at_rest, ((-9.0, field), (-5.0, before)))
         assert one.is_stepped is is_stepped
     assert not identification.RecordedMotion(motion, at_rest).is_stepped
-    stacked = identification._stacked([at_rest, field, pulled])
+    stacked = Loads.joined([at_rest, field, pulled])
     assert np.linalg.norm(stacked.field_T, axis=1) == pytest.approx([0.0, 5e-3, 0.0])
     assert stacked.tip_force_N.tolist() == [[0.0, 0.0], [0.0, 0.0], [0.1, 0.0]]
     assert stacked.gravity.shape == (3, 2)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from eimi_fitting import Loads, Magnet, Specimen
-from eimi_fitting.time import channels, modal_fit, swinging_weight
+from eimi_fitting.time import channels, modal_fit, ringing, swinging_weight
 from eimi_fitting.time.channels import Signals, TooFewFrames, signals_of
 from eimi_fitting.time.decay import Decay, RingMode
 from eimi_fitting.time.decay_windows import Window
@@ -409,3 +410,23 @@ def test_a_gap_follows_from_the_other_channels_if_enough_values_are_known(known:
     filled, replaced = channels._filled(values)
     assert replaced.sum() == 18 - known
     assert bool(np.allclose(filled, whole, atol=1e-9)) is exact
+
+
+def test_the_factors_on_the_ratios_are_found_by_six_steps_that_a_small_slope_damps() -> None:
+    # The growth of ln(squared frequency) between both ratios is linear in ln(factor), with these slopes.
+    slopes, wanted = np.array([1e-3, 0.5, 0.5, -0.5]), np.array([0.1, -0.2, 0.6, -0.6])
+    width = np.log(1.2 / 0.9)
+
+    def logs(x: np.ndarray, ratio: float) -> np.ndarray:
+        return np.asarray(0.5 * slopes / width * (np.log(ratio) + x) ** 2)
+
+    table: Any = object.__new__(ringing.RingTable)
+    of_better = np.exp(np.stack([logs(wanted, ratio) + 0.3 for ratio in (0.9, 1.2)], axis=1))
+    table.__dict__ |= {"middle_Pa": 1e4, "range_Pa": (9e3, 2e4), "_better": (np.ones(4), 1.0, of_better)}
+    table._squares = lambda at, load_log, count: lambda one: np.exp(logs(np.log(one.real), 1.0))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ringing, "_MODES", 4)
+        factors, sizes = table._correction
+    # With a slope of 1e-3 each step halves the gap.
+    assert np.log(factors) == pytest.approx([0.1 * (1 - 0.5**6), -0.2, 0.25, -0.25], rel=1e-4)
+    assert np.log(sizes) == pytest.approx(0.3 + logs(wanted, 0.9) - logs(np.log(factors), 0.9), rel=1e-6)
