@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
+from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -177,6 +178,26 @@ def test_the_period_of_the_strongest_vibration_is_counted_in_frames(frames: int)
     assert flicks._period(np.sin(2 * np.pi * time / frames) + drift, 50.0) == frames
     assert flicks._period(np.sin(2 * np.pi * time / frames) + np.sin(2 * np.pi * time / 2.5), 50.0) == frames
     assert flicks._period(np.zeros(1000), 50.0) == 1000
+
+
+@pytest.mark.parametrize(("frames", "divides"), [(2, False), (3, True), (39, True), (40, False)])
+def test_a_vibration_is_divided_if_its_period_has_three_frames_and_twelve_fit(
+    monkeypatch: pytest.MonkeyPatch, frames: int, divides: bool
+) -> None:
+    # 480 frames: twelve periods of 40 frames.
+    asked: list[Any] = []
+
+    def measured(moved: Array, period: int) -> float:
+        asked.append(period)
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(flicks, "_period", lambda moved, rate_Hz: frames)
+    monkeypatch.setattr(flicks, "_white_noise", measured)
+    time_s, places = flicked(1.0, last_s=4.8)
+    assert len(time_s) == 480
+    with pytest.raises(ZeroDivisionError) if divides else nullcontext():
+        assert flicks.parts_of(time_s, places) == [(0, 480)]
+    assert asked == [frames] * divides
 
 
 def test_white_noise_is_measured_beside_a_vibration() -> None:

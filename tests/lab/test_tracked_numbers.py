@@ -120,6 +120,8 @@ def test_dice_adds_displacements_and_leaves_out_failed_subsets(tmp_path: Path) -
     refused(lambda: read_dice(folder), "files with one frame each")
     one.write_text(f"{DICE}\n5,1,2,3\n")
     refused(lambda: read_dice(one), "line 2 should have 5 numbers")
+    one.write_text(f"{DICE}\n5,1,2,3,4\n5,1,2,x,4\n")
+    refused(lambda: read_dice(one), r"single\.txt: line 3: 'x' should be a number$")
     one.write_text(f"{DICE}\n")
     refused(lambda: read_dice(one), "its columns should be SUBSET_ID or FRAME")
     one.write_text("SUBSET_ID,COORDINATE_X\n1,2\n")
