@@ -36,7 +36,7 @@ from eimi_fitting.time.slow_motion import displacement_per_rad, modulus_in_pictu
 from eimi_fitting.time.small_effects import small_effects
 from tests.shared.accepted_numbers import check, described
 
-ACCEPTED = Path(__file__).parent / "time"
+ACCEPTED = Path(__file__).parent / "accepted"
 MAGNET = Magnet(4.0, 3.0, 2.0, 1.2, 7500.0, tip_offset_mm=1.0)
 BEAM = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-stress", MAGNET)
 NEO = LAWS["neo-hookean"]
