@@ -556,3 +556,18 @@ def test_the_scan_of_a_bent_beam_counts_twenty_points_a_state(monkeypatch: pytes
     experiment = Experiment(BeamModel(SPECIMEN, 6, 2), loads, None)  # type: ignore[arg-type]
     assert measured_rest_shape._scanned_modulus(experiment) == 10.0
     assert asked == [60.0, ("scan", 60.0)]
+
+
+def test_a_turn_and_a_shift_of_the_picture_have_their_own_priors(monkeypatch: pytest.MonkeyPatch) -> None:
+    modes, points = len(measured_rest_shape._STEPS_MM), 60
+    turned, shifted = np.linspace(-1, 1, points), np.cos(np.arange(points))
+    slopes = np.zeros((points, modes + 2))
+    # A bend looks like a turn of the picture, and a change of the width like a shift: the priors decide.
+    slopes[:, 1] = slopes[:, modes] = turned
+    slopes[:, modes - 1] = slopes[:, modes + 1] = shifted
+    offsets = -2.0 * turned + 0.3 * shifted
+    linear_rest(monkeypatch, slopes, offsets)
+    amplitudes, _ = measured_rest_shape._amplitudes(None, 30e3, np.zeros(modes), np.arange(modes))  # type: ignore[arg-type, misc]
+    # The bend has the prior 5 mm beside 1 degree, the width 0.5 mm beside 0.2 mm.
+    assert amplitudes[1] == pytest.approx(2.0 * 25 / 26, rel=1e-4)
+    assert amplitudes[modes - 1] == pytest.approx(-0.3 * 0.25 / 0.29, rel=1e-4)
