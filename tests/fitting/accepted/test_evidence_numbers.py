@@ -50,7 +50,7 @@ def distances() -> Iterator[str]:
     curve = np.stack([line[0:-1:2], line[1::2], line[2::2]], axis=1)
     given = np.array([[x, y] for x in (-3.0, -0.4, 0.0, 1.7, 5.0, 9.9, 10.3, 12.0) for y in (-1.5, 0.01, 0.9, 2.2)])
     yield from described(signed_distance(curve, given), "one curve")
-    both = np.stack([curve, [*curve, 0.0, 1.0]])
+    both = np.stack([curve, curve + np.array([0.0, 1.0])])
     yield from described(signed_distance(both, np.stack([given, given + 0.1])), "two curves")
 
 
