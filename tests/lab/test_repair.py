@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import runpy
 import shutil
 import sys
 from collections.abc import Iterator
@@ -29,6 +30,7 @@ from eimi_lab.dataset.repair.chunks import mend_chunks
 from eimi_lab.dataset.repair.mended_file import MendedFile
 from eimi_lab.dataset.repair.metadata import mend_metadata
 from eimi_lab.dataset.repair.superblock import close_superblock, is_hdf5
+from eimi_lab.dataset.tracked import c3d
 from eimi_lab.dataset.writing import DatasetWriter
 from eimi_lab.process.errors import InputError, OwnFault
 
@@ -819,6 +821,37 @@ def test_the_other_process_limits_itself_and_prints_its_outcome(
         recovery._main(finished, finished.with_name("copy.h5"), "60")
     assert caught.value.code == 2
     assert "is not an HDF5 file" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("program", "more"), [(recovery, ["copy.h5"]), (probing, []), (c3d, [])], ids=["recovery", "probing", "c3d"]
+)
+def test_the_program_of_another_process_limits_itself_before_it_reads(
+    finished: Path, monkeypatch: pytest.MonkeyPatch, capsysbinary: Any, program: Any, more: list[str]
+) -> None:
+    limited: list[Any] = []
+
+    def read(*_: Any, **__: Any) -> Any:
+        limited.append("read")
+        raise MemoryError
+
+    monkeypatch.setattr("eimi_lab.process.limits.obey_processor_limit", lambda limit: limited.append(("time", limit)))
+    monkeypatch.setattr("eimi_lab.process.limits.limit_memory", lambda limit: limited.append("memory"))
+    monkeypatch.setattr(h5py, "File", read)
+    monkeypatch.setattr("eimi_lab.dataset.repair.superblock.is_hdf5", read)
+    monkeypatch.setitem(sys.modules, "ezc3d", SimpleNamespace(c3d=read))
+    monkeypatch.setattr(
+        sys, "argv", ["program", str(finished), *(str(finished.with_name(name)) for name in more), "77"]
+    )
+    with pytest.raises((MemoryError, SystemExit)):
+        runpy.run_path(program.__file__, run_name="__main__")
+    memory = ["memory"] * (program is not probing)
+    assert limited == [("time", "77"), *memory, "read"]
+    limited.clear()
+    monkeypatch.setattr(sys, "argv", ["program", str(finished)])
+    with pytest.raises(SystemExit) as caught:
+        runpy.run_path(program.__file__, run_name="__main__")
+    assert (caught.value.code, limited) == (2, [])
 
 
 def test_a_file_is_probed_in_another_process(crashed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
