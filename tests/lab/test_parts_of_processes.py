@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import atexit
 import ctypes
+import errno
 import gc
 import io
 import logging
@@ -923,6 +924,28 @@ def test_every_character_can_be_printed(
     monkeypatch.setattr(sys, "stderr", io.StringIO())
     stderr.write_every_character()
     assert len(asked) == 3
+
+
+def test_each_closed_stream_is_opened_on_its_descriptor(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Standard input and standard error are closed; the system assigns the lowest free descriptor.
+    opened: list[Any] = []
+
+    def state(descriptor: int) -> None:
+        if descriptor != 1:
+            raise OSError(errno.EBADF, "closed")
+
+    system = SimpleNamespace(
+        fstat=state, open=lambda *given: opened.append(given), fdopen=lambda *given, **named: (*given, named),
+        devnull="null device", O_RDWR=2,
+    )  # fmt: skip
+    streams = SimpleNamespace(stdin=None, stdout="open", stderr=None)
+    monkeypatch.setattr(stderr, "os", system)
+    monkeypatch.setattr(stderr, "sys", streams)
+    stderr.open_closed_streams()
+    assert opened == [("null device", 2)] * 2
+    assert vars(streams) == {
+        "stdin": (0, "r", {"closefd": False}), "stdout": "open", "stderr": (2, "w", {"closefd": False})
+    }  # fmt: skip
 
 
 CLOSED = """

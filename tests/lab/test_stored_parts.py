@@ -1090,6 +1090,7 @@ def test_a_row_names_an_image(tmp_path: Path, rows: list[str], found: list[str])
         (["shot_2", "2"], "row 3: frame = '2' should be listed once; row 2 lists the same image"),
         (["\x00"], "no image has this name|is not"),
         (["a" * 300], "no image has this name$"),
+        (["a" * 300 + ".png"], "no image has this name$"),
     ],
 )  # fmt: skip
 def test_a_row_without_its_image_is_named(tmp_path: Path, rows: list[str], words: str) -> None:

@@ -26,7 +26,7 @@ from eimi_lab.dataset.tracked.deeplabcut import read_deeplabcut
 from eimi_lab.dataset.tracked.dice import read_dice
 from eimi_lab.dataset.tracked.dltdv import read_dltdv
 from eimi_lab.dataset.tracked.formats import reader_of
-from eimi_lab.dataset.tracked.mudic import read_mudic
+from eimi_lab.dataset.tracked.mudic import _Harmless, read_mudic
 from eimi_lab.dataset.tracked.ncorr import read_ncorr
 from eimi_lab.dataset.tracked.numbers_table import numbers, read_cells
 from eimi_lab.dataset.tracked.tracker import read_tracker
@@ -216,6 +216,41 @@ def test_mudic_nodes_are_rows_and_frames_columns(tmp_path: Path, monkeypatch: py
     refused(lambda: read_mudic(path), r"it should contain results that muDIC.IO.save wrote \('xnodesT'\)")
     path.write_bytes(b"")
     refused(lambda: read_mudic(path), r"wrote \(Ran out of input\)")
+
+
+class Maker:
+    """An object that makes others when a pickle is read."""
+
+    def __call__(self, number: int) -> Any:
+        return self
+
+
+class Made:
+    def __reduce__(self) -> Any:
+        return Maker(), (1,), {"x": 1}
+
+
+class Items(list[int]):
+    pass
+
+
+class Keys(dict[int, int]):
+    pass
+
+
+def test_other_objects_in_a_file_of_mudic_do_nothing(tmp_path: Path) -> None:
+    saved = Items([1])
+    places = {"xnodesT": np.array([[1.0, 2.0]]), "ynodesT": np.array([[3.0, 4.0]])}
+    vars(saved).update(places, more=[Made(), Items([1, 2, 3]), Keys({4: 5}), Keys({4: 5, 6: 7})], one=Made())
+    path = tmp_path / "results.p"
+    path.write_bytes(pickle.dumps(saved))
+    tracks = read_mudic(path)
+    same(tracks.places, [[[1, 3]], [[2, 4]]])
+    with path.open("rb") as file:
+        read = _Harmless(file).load()
+    assert set(vars(read)) == set(places)
+    assert {type(part) for part in (read, read(3))} == {type(read)}
+    assert read(3) is read
 
 
 def ncorr(path: Path, u: list[Any], v: list[Any], spacing: float = 2.0, pixel: float = 0.5) -> Path:
