@@ -294,6 +294,18 @@ def test_a_cause_inside_the_interval_matters_only_if_it_explains_half_of_the_err
     assert len(doubts_of(replace(inside, modulus_percent=(1.0, 5.0)), error_mm=0.19)) == 1
 
 
+def test_a_cause_inside_the_interval_does_not_matter_if_a_file_states_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    inside = weighed(cause("scale", 0.9, shift=1.0))
+    monkeypatch.setattr(cause_doubts, "_is_stated", lambda one, experiments: one.name == "scale")
+    assert doubts_of(inside, error_mm=0.21) == []
+    both = replace(
+        weighed(cause("scale", 0.9, shift=1.0), cause("width", 0.8, shift=1.0)),
+        most_probable=frozenset({"scale", "width"}),
+    )
+    assert len(doubts_of(both, error_mm=0.21)) == 1  # the width is not stated
+    assert doubts_of(replace(both, most_probable=frozenset({"scale"})), error_mm=0.21) == []
+
+
 def test_without_a_probable_cause_only_residuals_far_above_the_noise_are_a_doubt(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

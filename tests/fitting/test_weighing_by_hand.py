@@ -198,6 +198,13 @@ def test_the_most_probable_sizes_minimise_the_squares_with_their_priors(weighing
     assert weighing._minimised(1, start)[:2].tolist() == [0.01, 0.01]
 
 
+def test_without_slopes_the_start_is_kept(weighing: Any) -> None:
+    start = np.array([0.01, 0.01, 0.0, 9.0, 0.01, 0.01, 0.0, 0.0, 0.0])
+    weighing._slopes = lambda row, trial, residual, active: None
+    found = weighing._minimised(1, start)
+    assert found.tolist() == [0.01, 0.01, 0.0, 0.0, 0.01, 0.01, 0.0, 0.0, 0.0]
+
+
 def test_slopes_are_differences_over_a_small_share_of_each_prior_size(weighing: Any) -> None:
     amplitudes = np.zeros(9)
     (residual,) = weighing._simulated((0,), amplitudes)

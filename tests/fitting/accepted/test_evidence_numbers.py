@@ -55,12 +55,16 @@ def distances() -> Iterator[str]:
 
 
 def misfits() -> Iterator[str]:
+    deep = experiment(replace(points(SOLID_BEAM, LOADS), depth_mm=np.tile(np.linspace(-1.5, 1.0, 6), (4, 1))))
+    deep = replace(deep, solid=SolidBeside(SOLID_BEAM, 4, 1))
     setup = Setup.of([("scale", 0, np.array([0.01, 0.0, -0.02])), ("moment", 0, np.full(3, 0.03))], 3)
     for name, one in (
         ("edges", experiment(edges(BEAM, MANY), BEAM, MANY)),
         ("through a lens", experiment(edges(view=VIEW))),
         ("points", experiment(points(BEAM, LOADS))),
         ("solid", replace(experiment(edges(SOLID_BEAM), SOLID_BEAM), solid=SolidBeside(SOLID_BEAM, 4, 1))),
+        ("points of a solid", replace(experiment(points(SOLID_BEAM, LOADS)), solid=SolidBeside(SOLID_BEAM, 4, 1))),
+        ("deep points of a solid", deep),
     ):
         sets = TRUE[:1] if one.solid else TRUE
         setups = Setup.of([("roll", 0, np.array([1.0]))], 1) if one.solid else setup

@@ -16,6 +16,7 @@ from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.rest_modes import with_modes
 from eimi_fitting.beam.specimen import Specimen
+from eimi_fitting.inference.doubts.table_of_causes import POSSIBLE_CAUSES
 from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.sources import StatedSource
 from eimi_fitting.inference.identification import identify
@@ -135,7 +136,7 @@ def searches() -> Iterator[str]:
 def fit_of(law: str, experiments: list[Experiment], **options: Any) -> Iterator[str]:
     fit = identify(law, experiments, seed=2, **options)
     given = {key: value for key, value in vars(fit).items() if key not in ("wall_s", "draws", "history", "law")}
-    yield from described(given, law)
+    yield from described((given, fit.values), law)
     yield from described((fit.history[0], fit.history[-1], np.sort(np.array(fit.draws.values), axis=0)[::50]), law)
 
 
@@ -149,6 +150,8 @@ def fits() -> Iterator[str]:
         population=7,
         most_generations=25,
     )
+    causes = [cause for cause in POSSIBLE_CAUSES if cause.name in ("scale", "moment", "width")]
+    yield from fit_of("neo-hookean", [experiment(edges(law="neo-hookean", scale=1.03))], possible_causes=causes)
 
 
 PARTS = {

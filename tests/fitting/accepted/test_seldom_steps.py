@@ -20,6 +20,7 @@ from eimi_fitting.beam.specimen import Specimen
 from eimi_fitting.discovery.terms_of_a_law import discover
 from eimi_fitting.inference import corrected_optimum
 from eimi_fitting.inference.doubts.checks import slip_doubts
+from eimi_fitting.inference.evidence.corrections import polished
 from eimi_fitting.inference.evidence.experiment import DISCARDED_MM, Experiment
 from eimi_fitting.inference.evidence.measurements import PointObservation
 from eimi_fitting.inference.evidence.objective import Problem
@@ -299,3 +300,22 @@ def test_an_unstable_start_moves_toward_the_middle_of_the_bounds() -> None:
     np.testing.assert_allclose(asked, [[0.9, 0.8, 0.2], [0.9, 0.7, 0.3]])
     given.evaluate = lambda unit, points_: SimpleNamespace(objective_mm=np.array([DISCARDED_MM]))
     np.testing.assert_allclose(corrected_optimum._valid(given, np.array([0.9, 0.9, 0.1])), [0.9, 0.9, 0.1])
+
+
+def test_a_solid_with_an_unstable_start_is_fitted_from_the_middle_of_the_bounds(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    solid = replace(BEAM, section="solid", depth_mm=4.0)
+    one = polished(experiment(edges(solid, law="mooney-rivlin"), solid))
+
+    def solve(self: BeamModel, law: Any, parameters: Any, *given: Any, **options: Any) -> Any:
+        shapes = quick_shapes(self, law, parameters, *given, **options)
+        shapes.status[parameters[:, 1] > parameters[:, 0]] = Status.UNSTABLE
+        return shapes
+
+    monkeypatch.setattr(BeamModel, "solve", solve)
+    given = problem(one, law="mooney-rivlin")
+    end = corrected_optimum.refine(given, np.array([0.5, 0.95]), 1)
+    assert end.optimum.evaluation.objective_mm[0] < 0.02
+    assert end.polish.mean_error_before_mm < DISCARDED_MM
+    assert end.estimate.section_change.change_percent is not None
