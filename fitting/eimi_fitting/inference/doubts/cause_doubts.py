@@ -1,4 +1,4 @@
-"""Name the most probable bench error in a warning, if it matters for the modulus."""
+"""Name the most probable systematic error in a warning, if it matters for the modulus."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _MOST_RIVALS = 2
 def cause_doubts(
     weighed: Weighed, estimate: Estimate, final: Comparison, experiments: Sequence[Experiment]
 ) -> tuple[Doubt, ...]:
-    """Return a warning that names the bench error that probably caused the residuals of a fit, or no warning."""
+    """Name the most probable systematic error in a warning, if it matters for the modulus."""
     if not weighed.causes:
         return ()
     dataset = 0 if len(experiments) == 1 else None
@@ -74,7 +74,7 @@ def _concerns(
 
 
 def _is_stated(cause: Cause, experiments: Sequence[Experiment]) -> bool:
-    """Return whether a file states the uncertainty of this bench error or of a similar one."""
+    # Whether a file states the uncertainty of this cause or of a similar one.
     possible = {one.name: one.stated_as for one in POSSIBLE_CAUSES}
     sources = {source for name in (cause.name, *cause.like) for source in possible[name]}
     stated = {one.source for experiment in experiments for one in experiment.stated if one.standard_uncertainty}
@@ -82,7 +82,7 @@ def _is_stated(cause: Cause, experiments: Sequence[Experiment]) -> bool:
 
 
 def rivals(causes: Sequence[Cause]) -> tuple[Cause, ...]:
-    """Return at most two errors of the test bench that explain the residuals nearly as well as the most probable."""
+    """Return the systematic errors (at most two) that explain the residuals about as well as the most probable one."""
     first, *others = causes
     alike = [cause for cause in others if cause.name in first.like]
     either = [
@@ -94,12 +94,11 @@ def rivals(causes: Sequence[Cause]) -> tuple[Cause, ...]:
 
 
 def _present(causes: Sequence[Cause]) -> Sequence[Cause]:
-    """Return the most probable error of the test bench, or the two most probable errors if both are likely."""
+    # The most probable cause, or the first two if both are likely.
     return causes[:2] if sum(cause.probability for cause in causes[:2]) >= _BOTH else causes[:1]
 
 
 def _in_short(causes: Sequence[Cause], shifts: tuple[float, float]) -> str:
-    """Return a short text: the probable bench errors, and the change of the modulus by them in per cent."""
     possible = {one.name: one.words for one in POSSIBLE_CAUSES}
     others = rivals(causes)
     either = (causes[0], *others) if others else _present(causes)
@@ -110,7 +109,6 @@ def _in_short(causes: Sequence[Cause], shifts: tuple[float, float]) -> str:
 
 
 def _causes_in_words(causes: Sequence[Cause]) -> str:
-    """Return the text of a warning that names the probable bench errors."""
     possible = {one.name: one for one in POSSIBLE_CAUSES}
     first = causes[0]
 

@@ -1,17 +1,4 @@
-"""Compute the probability of each bench error, such as a wrong scale, from the residuals of a fit.
-
-A hypothesis is a set of at most two bench errors. It describes the residuals r in mm by
-
-    -r = J dx + sum_a C_a s_a + d + e
-    dx ~ N(0, inv(P)),   s_a ~ N(0, size_a^2),   d ~ N(0, eta^2 G),   e ~ N(0, sigma^2 T)
-
-    dx    change of the unknowns of the law; P is its prior precision, J the derivative of r
-    s_a   sizes of the bench error a; size_a are the usual sizes, C_a the derivative of r
-    d     unexplained error with the unknown size eta in mm and the smooth covariance G
-    e     noise with the standard deviation sigma and the correlation matrix T
-
-The probability of a hypothesis with h of the M bench errors is proportional to p(r | hypothesis) (M - 1)^-h.
-"""
+"""Compute the probability of each systematic error, such as a wrong scale, from the residuals of a fit."""
 
 from __future__ import annotations
 
@@ -42,69 +29,44 @@ NONE = "none"
 
 @dataclass(frozen=True)
 class Cause:
-    """A bench error, with the probability that it has caused the residuals of a fit.
+    """A systematic error, such as a wrong scale, with the probability that it is present."""
 
-    Parameters
-    ----------
-    name : str
-        Name of the error; ``"none"`` for no listed error.
-    probability : float
-        Probability that the error is present.
-    value : float
-        Expected size of the error.
-    unit : str
-        Unit of the size; ``"1"`` for a share.
-    shift_percent : float
-        Change of the initial shear modulus by a correction for the error, in per cent.
-    decide_by : str
-        The measurement that decides whether the error is present.
-    like : tuple of str
-        Names of the errors with similar effects on the residuals.
-    is_within_stated : bool
-        Whether the size is within its stated uncertainty.
-    """
-
+    # "none" stands for "no listed error".
     name: str
     probability: float
+    # Expected size of the error in its unit; the unit "1" is a share.
     value: float
     unit: str
+    # Change of the initial shear modulus by a correction for the error, in per cent.
     shift_percent: float
+    # The measurement that decides whether the error is present.
     decide_by: str
+    # Names of the errors with similar effects on the residuals.
     like: tuple[str, ...] = ()
+    # Whether the size of the error is within its stated uncertainty.
     is_within_stated: bool = False
 
 
 @dataclass(frozen=True)
 class Weighed:
-    """The probabilities of the bench errors, and the residuals of a fit after a correction for them.
+    """The probabilities of all systematic errors, such as a wrong scale, given the residuals of a fit."""
 
-    Parameters
-    ----------
-    causes : tuple of Cause
-        The bench errors, the most probable first.
-    in_the_fit : frozenset of str
-        Names of the errors whose sizes were fitted or measured.
-    error_mm : dict of str to tuple of ndarray, shape (K,)
-        Root mean square residuals under K loads after a correction for each error, one array for each experiment.
-    modulus_percent : tuple of float
-        Smallest and largest change of the initial shear modulus by the probable sets of errors, in per cent.
-    most_probable : frozenset of str
-        Names of the errors in the most probable set.
-    beside_the_fit : float
-        Probability of any error that is not in ``in_the_fit``.
-    remaining : tuple of ndarray, shape (K, 2, m), or None
-        Residuals at m points of the two edges after a correction for the most probable set, in mm.
-    as_stated : float
-        Probability that no bench error is present.
-    """
-
+    # The most probable error comes first.
     causes: tuple[Cause, ...]
+    # Names of the errors whose sizes were fitted or measured.
     in_the_fit: frozenset[str]
+    # For each error and each experiment, the root mean square residual of each load case after a correction.
     error_mm: dict[str, tuple[Array, ...]]
+    # Smallest and largest change of the initial shear modulus by the probable combinations of errors.
     modulus_percent: tuple[float, float] = (0.0, 0.0)
+    # Names of the errors in the most probable combination.
     most_probable: frozenset[str] = frozenset()
+    # Probability of any error that is not in `in_the_fit`.
     beside_the_fit: float = 0.0
+    # (K, 2, m) for each experiment: residuals in mm after a correction for the most probable combination, in K load
+    # cases, at m points of the two edges.
     remaining: tuple[Array, ...] | None = None
+    # Probability that no systematic error is present.
     as_stated: float = 0.0
 
 
@@ -114,7 +76,18 @@ def weighed_causes(
     effects: Sequence[Effect] = (),
     possible: Sequence[PossibleCause] = POSSIBLE_CAUSES,
 ) -> Weighed:
-    """Return the probability of each bench error, from the residuals of a fit."""
+    """Compute the probability of each systematic error, such as a wrong scale, from the residuals of a fit."""
+    # A hypothesis is a set of at most two systematic errors ("causes"). It describes the residuals r in mm by
+    #
+    #     -r = J dx + sum_a C_a s_a + d + e
+    #     dx ~ N(0, inv(P)),   s_a ~ N(0, size_a^2),   d ~ N(0, eta^2 G),   e ~ N(0, sigma^2 T)
+    #
+    #     dx    change of the unknowns of the law; P is its prior precision, J the derivative of r
+    #     s_a   size of the error a; size_a is the usual size, C_a the derivative of r
+    #     d     unexplained error with the unknown size eta in mm and the smooth covariance G
+    #     e     noise with the standard deviation sigma and the correlation matrix T
+    #
+    # The probability of a hypothesis with h of the M errors is proportional to p(r | hypothesis) (M - 1)^-h.
     if not possible:
         return Weighed((), frozenset(), {})
     about = About.of(problem, optimum, possible)
@@ -189,12 +162,12 @@ def weighed_causes(
 
 
 def _of_classes(within: Mapping[int, Deviation]) -> list[float]:
-    """Return, for each group of inputs with similar effects, the probability that one of them is wrong."""
+    # For each group of inputs with similar effects, the probability that one of them is wrong.
     groups = {frozenset({cause, *one.like}) for cause, one in within.items()}
     return [min(sum(within[cause].probability for cause in group), 1.0) for group in groups]
 
 
 def _most_probable(probability: Array) -> NDArray[np.intp]:
-    """Return the indices of the most probable sets of bench errors, with a total probability of 0.95."""
+    # Indices of the most probable sets of causes, which together have the probability 0.95.
     order = np.argsort(-probability, kind="stable")
     return order[: int(np.searchsorted(np.cumsum(probability[order]), _PROBABLE)) + 1]

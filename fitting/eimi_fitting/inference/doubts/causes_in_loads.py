@@ -1,4 +1,4 @@
-"""List the errors that act like wrong loads: errors of the moment and the field, and softening of the beam."""
+"""List the systematic errors of the loads, and the softening of the beam, which acts like a larger load."""
 
 from __future__ import annotations
 
@@ -26,7 +26,6 @@ def _by_loads(loads_of: Callable[[Loads, Array], Loads]) -> Change:
 
 
 def _softened(loads: Loads, stiffness: Array) -> Loads:
-    """Return the loads divided by a relative stiffness, (K,), which has the effect of a softer beam."""
     # Larger loads have the same effect as a softer beam.
     over = 1 / stiffness[:, None]
     return replace(
@@ -35,18 +34,18 @@ def _softened(loads: Loads, stiffness: Array) -> Loads:
 
 
 def _crept(loads: Loads, amplitudes: Array) -> Loads:
-    """Increase the loads as if the beam steadily lost the share ``amplitudes[0]`` of its stiffness during the run."""
+    # As if the beam steadily lost the share amplitudes[0] of its stiffness during the run.
     return _softened(loads, 1 - amplitudes[0] * np.linspace(0, 1, len(loads)))
 
 
 def strengths(loads: Loads) -> Array:
-    """Return the size of the load in K load cases, (K,): field plus tip force, each divided by its maximum."""
+    """Return the relative size of each load: the field plus the tip force, each divided by its maximum."""
     sizes = [np.linalg.norm(load, axis=1) for load in (loads.field_T, loads.tip_force_N)]
     return np.asarray(sum(size / size.max() for size in sizes if size.max() > 0) + np.zeros(len(loads)))
 
 
 def directions_of_change(loads: Loads) -> Array:
-    """Return 1 for each of K load cases after an increase of the load, and -1 after a decrease, (K,)."""
+    """Return 1 for each load that was reached by an increase, and -1 for each that was reached by a decrease."""
     steps = np.sign(np.round(np.diff(strengths(loads), prepend=-1e-3), 6))
     for k in range(1, len(steps)):
         steps[k] = steps[k] or steps[k - 1]
@@ -54,12 +53,11 @@ def directions_of_change(loads: Loads) -> Array:
 
 
 def _lagging(loads: Loads, amplitudes: Array) -> Loads:
-    """Increase each load that follows a decrease by the factor 1 / (1 - ``amplitudes[0]``), as if the beam softened."""
+    # As if the beam were softer, by the share amplitudes[0], after each decrease of the load.
     return _softened(loads, 1 - amplitudes[0] * (directions_of_change(loads) < 0))
 
 
 def _graded(loads: Loads, amplitudes: Array) -> Loads:
-    """Return the loads with a magnetic field whose strength varies in space."""
     # The amplitudes are relative changes per metre: along the beam, across it, and along the axis of the coil at a
     # distance of 10 mm from the magnet.
     # The third gradient is zero at the magnet of the straight beam and increases linearly along the axis of the coil.

@@ -1,4 +1,4 @@
-"""List the bench errors of the camera and of the calibration of its pictures."""
+"""List the systematic errors of the camera and of its calibration."""
 
 from __future__ import annotations
 
@@ -20,12 +20,8 @@ _FARTHEST_AXIS = 2.0  # displacement of the lens axis up to which a distortion i
 
 
 def _by_picture(displacement: Callable[[Experiment, Array, Array], Array], shift: int | None = None) -> Change:
-    """Return a function that corrects the measured points of an experiment for an error of the picture.
-
-    displacement: returns the displacements in mm that the error causes. shift: index of the first of two amplitudes
-    that shift all points, if there are any.
-    """
-
+    # `displacement` returns the displacements in mm that the error causes. `shift` is the index of the first of two
+    # amplitudes that shift all points, if there are any.
     def change(assumed: Assumed, amplitudes: Array) -> Assumed:
         experiment, places = assumed.experiment, _measured(assumed.experiment)
         # Positions are measured from the clamp. If it is in another picture, two further amplitudes shift all points.
@@ -46,7 +42,7 @@ def _measured(experiment: Experiment) -> Array:
 
 
 def _centre(experiment: Experiment) -> Array:
-    """Return the point (x, y) in mm where the axis of the lens meets the plane of the beam."""
+    # The point (x, y) in mm where the axis of the lens meets the plane of the beam.
     observed = experiment.observed
     if isinstance(observed, EdgeObservation) and observed.view is not None:
         return observed.view.centre_mm
@@ -62,7 +58,6 @@ def _stand_off_mm(experiment: Experiment) -> float:
 
 
 def _distorted(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
-    """Return the displacements in mm of the points ``places`` in a picture by a radial distortion of the lens."""
     centre, radial, off_centre = _centre(experiment), float(amplitudes[0]), amplitudes[1:3]
     used = _measured(experiment)[np.isfinite(experiment.observed.sigma_mm)] - centre
     farthest_mm = max(float(np.sqrt((used**2).sum(axis=-1).max())), 1e-6)
@@ -78,7 +73,6 @@ def _distorted(experiment: Experiment, places: Array, amplitudes: Array) -> Arra
 
 
 def _pitched(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
-    """Return the displacements in mm of the points ``places`` in a picture if the camera is tilted about two axes."""
     from_centre = places - _centre(experiment)
     # The first tilt brings points with a larger x nearer to the camera, the second points with a larger y.
     nearer = from_centre @ np.radians(amplitudes) / _stand_off_mm(experiment)
@@ -86,7 +80,6 @@ def _pitched(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
 
 
 def _farther(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
-    """Return the displacements in mm of the points ``places`` if the beam is farther away by ``amplitudes[0]`` mm."""
     return np.asarray(-amplitudes[0] / _stand_off_mm(experiment) * (places - _centre(experiment)))
 
 

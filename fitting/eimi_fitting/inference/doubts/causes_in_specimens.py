@@ -1,4 +1,4 @@
-"""List the bench errors of the specimen: a wrong shape, twist, clamping or law."""
+"""List the systematic errors of the specimen: a wrong shape, twist, clamping or law."""
 
 from __future__ import annotations
 
@@ -17,7 +17,6 @@ Array = NDArray[np.float64]
 
 
 def _tapered(assumed: Assumed, amplitudes: Array) -> Assumed:
-    """Return the assumptions of a fit, with a width that varies along the beam."""
     # The amplitudes in mm: the change of the width from the clamp to the end of the flexible part, and the width at
     # both ends minus the width in the middle.
     assumed = by_sources({("taper", 0): 1.0})(assumed, amplitudes[:1])
@@ -29,23 +28,22 @@ def _tapered(assumed: Assumed, amplitudes: Array) -> Assumed:
 
 
 def _untwisted(assumed: Assumed, amplitudes: Array) -> Assumed:
-    """Return what a fit assumes, after its measured edges were corrected for a twist of the beam by its magnet."""
     # The amplitude is the angle between the magnetic moment and the plane of the picture.
     law, parameters, angle_deg = assumed.law, assumed.parameters, float(amplitudes[0])
     experiment = without_twist(assumed.experiment, assumed.with_errors, law, parameters, angle_deg)
     return replace(assumed, experiment=experiment)
 
 
+# For some laws, the names of the terms, and for each term its coefficient divided by the parameter of the law.
 _AS_TERMS: dict[str, tuple[tuple[str, ...], tuple[float, ...]]] = {
     "neo-hookean": (("i1",), (1.0,)),
     "mooney-rivlin": (("i1", "i2"), (2.0, 2.0)),
     "yeoh": (("i1", "i1^2", "i1^3"), (2.0, 1.0, 1.0)),
 }
-"""For some laws, the names of the terms, and for each term its coefficient divided by the parameter of the law."""
 
 
 def _with_terms(assumed: Assumed, amplitudes: Array) -> Assumed:
-    """Return the assumptions of a fit, with terms in (I1 - 3)^2 and I2 - 3 added to the strain energy."""
+    # Adds terms in (I1 - 3)^2 and I2 - 3 to the strain energy.
     if assumed.law.name not in _AS_TERMS or not amplitudes.any():
         return assumed
     terms, factors = _AS_TERMS[assumed.law.name]

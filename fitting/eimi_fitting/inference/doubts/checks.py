@@ -1,7 +1,4 @@
-"""Check the result of a fit: compare the residuals with the deflection of the beam and with the noise.
-
-A fit with large residuals is refused (`check_explained`). Smaller ones above the noise give a warning (`Doubt`).
-"""
+"""Refuse a fit with large residuals, and warn of residuals above the noise."""
 
 from __future__ import annotations
 
@@ -56,7 +53,7 @@ class NotExplained(Exception):
         )
 
     def __reduce__(self) -> tuple[type[NotExplained], tuple[int, int, float, float, bool]]:
-        """Return the class and the arguments that rebuild the exception in another process."""
+        # For pickle: the default would call the class with the message alone.
         return NotExplained, self._arguments
 
 
@@ -85,22 +82,10 @@ def check_explained(
     curves: bool = False,
     beyond: bool = False,
 ) -> None:
-    """Raise an exception if a fit does not explain the measured edges of a load case.
-
-    Parameters
-    ----------
-    without_clamp : sequence of ndarray, shape (K,), optional
-        Root mean square residuals in mm after a correction of the place of the clamp.
-    curves : bool
-        Whether tensile curves were fitted too.
-    beyond : bool
-        Whether tensile curves or priors contradict the fitted parameters. No load case then counts as explained.
-
-    Raises
-    ------
-    NotExplained
-        If the residuals of a load case are too large.
-    """
+    """Raise NotExplained if a fit does not explain the measured edges of a load case."""
+    # without_clamp: (K,) for each experiment: root mean square residuals in mm after a correction of the place of the
+    # clamp. curves: whether tensile curves were fitted too. beyond: whether tensile curves or priors contradict the
+    # fitted parameters.
     for index, (experiment, misfit) in enumerate(zip(experiments, final.misfits, strict=True)):
         error = misfit.error_mm[0]
         # A clamp at a wrong place in the picture is no reason to refuse a fit.
@@ -120,6 +105,7 @@ def check_explained(
             raise NotExplained(index, worst, float(error[worst]), moved, curves)
 
 
+# The subject of a doubt. "perspective" belongs to pictures, and the four subjects after it belong to tensile fits.
 DoubtKind = Literal[
     "loads",
     "correction_missing",
@@ -134,48 +120,32 @@ DoubtKind = Literal[
     "modulus_open",
     "unstable",
 ]
-"""The subject of a doubt. "perspective" belongs to pictures, and the four subjects after it belong to tensile fits."""
 
 
 @dataclass(frozen=True)
 class Doubt:
-    """A reason to distrust the result of a fit, which is shown as a warning.
+    """A reason to distrust the result of a fit, which is shown as a warning."""
 
-    Parameters
-    ----------
-    words : str
-        The reason, for people.
-    dataset, state, curve : int, optional
-        Index of the dataset, of the load case in the dataset, and of the tensile curve.
-    modulus_percent : tuple of float, optional
-        Smallest and largest error of the initial shear modulus, in per cent.
-    short : str
-        The reason in few words.
-    kind : DoubtKind, optional
-        The subject, for programs.
-    """
-
+    # The reason, for people.
     words: str
+    # Index of the dataset, of the load case in the dataset, and of the tensile curve.
     dataset: int | None = None
     state: int | None = None
     curve: int | None = None
+    # Smallest and largest error of the initial shear modulus, in per cent.
     modulus_percent: tuple[float, float] | None = None
+    # The reason in few words.
     short: str = ""
+    # The subject, for programs.
     kind: DoubtKind | None = field(default=None, compare=False, kw_only=True)
 
 
 class NotDetermined(Exception):
-    """The exception for a fit to a single load case that does not determine the initial shear modulus."""
+    """The exception for a single load case that does not determine the initial shear modulus."""
 
 
 def check_determined(estimate: Estimate, experiments: Sequence[Experiment]) -> None:
-    """Check that the initial shear modulus is determined.
-
-    Raises
-    ------
-    NotDetermined
-        If there is only one load case, and the upper end of the 95 % interval exceeds four times the lower end.
-    """
+    """Raise NotDetermined if a single load case does not determine the initial shear modulus."""
     if sum(len(experiment.loads) for experiment in experiments) == 1 and is_open(estimate.initial_shear_modulus):
         low, high = estimate.initial_shear_modulus.interval_95
         raise NotDetermined(
@@ -185,7 +155,7 @@ def check_determined(estimate: Estimate, experiments: Sequence[Experiment]) -> N
 
 
 def curve_doubts(curves: Sequence[TensileEvidence], rmse_Pa: Sequence[float]) -> tuple[Doubt, ...]:
-    """Return a warning for each tensile curve that a joint fit to beams and curves describes badly."""
+    """Return a warning for each tensile curve that the fitted law describes badly."""
     words = (
         "this curve and the edges contradict each other: check that both belong to the same material and that the unit "
         "of the curve is right"
@@ -211,7 +181,7 @@ def prior_doubts(priors: Sequence[Prior], distances: Sequence[float]) -> tuple[D
 
 
 def slip_doubts(slips: Sequence[NamedCause]) -> tuple[Doubt, ...]:
-    """Return a warning for each mistake that was found in the stated loads, such as a reversed field."""
+    """Return a warning for each probable mistake in the given loads, such as a reversed field."""
     return tuple(
         Doubt(
             f"check the loads in the files for {slip.words}: without this mistake the mean error would be about "
@@ -230,11 +200,9 @@ def doubts(
     is_named: bool = False,
     is_as_stated: bool = False,
 ) -> tuple[Doubt, ...]:
-    """Return the warnings about a fit that follow from its residuals.
-
-    missing: a sentence for each missing correction. is_named: whether the intervals contain the errors that explain
-    the residuals. is_as_stated: whether the stated uncertainties of the inputs explain the residuals.
-    """
+    """Return the warnings about a fit that follow from its residuals."""
+    # missing: a sentence for each missing correction. is_named: whether the intervals contain the errors that explain
+    # the residuals. is_as_stated: whether the stated uncertainties of the inputs explain the residuals.
     result: list[Doubt] = []
     for index, (experiment, misfit) in enumerate(zip(experiments, final.misfits, strict=True)):
         result += [Doubt(words, index, kind="correction_missing") for words in missing]
@@ -257,17 +225,16 @@ def doubts(
 
 
 def pairs(experiments: Sequence[Experiment], final: Comparison) -> Iterator[tuple[Experiment, Misfit]]:
-    """Yield each experiment together with its residuals."""
+    """Yield each experiment with its residuals."""
     return zip(experiments, final.misfits, strict=True)
 
 
 def noise_ratio(experiment: Experiment, misfit: Misfit) -> float:
-    """Return the median over the load cases of the root mean square residual, divided by the stated noise."""
+    """Return the root mean square residual divided by the given noise (median of all load cases)."""
     return float(np.median(misfit.error_mm[0] / np.maximum(_noise_mm(experiment, misfit), 1e-9)))
 
 
 def _noise_mm(experiment: Experiment, misfit: Misfit) -> Array:
-    """Return the stated noise of the points in each of K load cases in mm, (K,)."""
     observed = experiment.observed
     if isinstance(observed, EdgeObservation) and observed.noise_mm is not None:
         # Without the increase for a defect of the picture, such as blur, which could hide a wrong law.
@@ -276,7 +243,7 @@ def _noise_mm(experiment: Experiment, misfit: Misfit) -> Array:
 
 
 def _stated_mm(experiment: Experiment, misfit: Misfit) -> Array:
-    """Return the root mean square stated uncertainty of the points in each of K load cases in mm, (K,)."""
+    # (K,): the root mean square of the stated uncertainties of the points that are used.
     sigma = experiment.observed.sigma_mm
     if not isinstance(experiment.observed, EdgeObservation):
         sigma = np.repeat(sigma[:, None], 2, axis=1)

@@ -1,4 +1,4 @@
-"""Collect the unknowns that may explain the residuals of a fit, such as the sizes of bench errors."""
+"""Collect all unknowns that may explain the residuals of a fit, such as the sizes of systematic errors."""
 
 from __future__ import annotations
 
@@ -22,36 +22,26 @@ _CORNERS_MM = 0.01
 
 @dataclass(frozen=True)
 class Coefficients:
-    """The C unknowns that may explain the residuals of a fit, and how each of them changes the residuals.
+    """All unknowns that may explain the residuals of a fit, with their effects and prior standard deviations."""
 
-    They are, in this order: changes of the law, errors of inputs, errors of the beam model, and sizes of bench errors.
+    # There are C unknowns, in this order: changes of the law, errors of inputs, errors of the beam model, and sizes of
+    # systematic errors ("causes").
 
-    Parameters
-    ----------
-    rows : ndarray, shape (C + 1, N)
-        Change of the N polynomial coefficients of the residuals by one prior standard deviation of each unknown, in
-        mm. The last row is zero and belongs to no unknown.
-    scale : ndarray, shape (C + 1,)
-        Prior standard deviation of each unknown, then 1.
-    law, simulated, common : int
-        Number of unknowns of the law; with the errors of inputs; and with the errors of the beam model. They are the
-        indices at which the next kind of unknown begins.
-    of_inputs, of_causes : list of list of int
-        Indices of the unknowns of each input, and of each bench error.
-    columns : list of Column
-        Descriptions of the errors of inputs and of the bench errors.
-    remaining : ndarray, shape (E, N)
-        Change of the N coefficients in mm by one standard error of each of E accurate beam models.
-    """
-
+    # (C + 1, N): change of the N polynomial coefficients of the residuals in mm, by one prior standard deviation of
+    # each unknown. The last row is zero and belongs to no unknown.
     rows: Array
+    # (C + 1,): prior standard deviation of each unknown, then 1.
     scale: Array
+    # Number of unknowns of the law, then with the errors of inputs, then with the errors of the beam model.
     law: int
     simulated: int
     common: int
+    # Indices of the unknowns of each input, and of each systematic error.
     of_inputs: list[list[int]]
     of_causes: list[list[int]]
+    # Effects of the errors of inputs, then of the systematic errors.
     columns: list[Column]
+    # (E, N): change of the N coefficients in mm by one standard error of each of E accurate beam models.
     remaining: Array
 
     @staticmethod
@@ -62,7 +52,7 @@ class Coefficients:
         stated: Mapping[PossibleCause, Sequence[Column]],
         columns_by_cause: Mapping[PossibleCause, Sequence[Column]],
     ) -> Coefficients:
-        """Collect the unknowns that may explain the residuals, with their effects and prior standard deviations."""
+        """Collect all unknowns that may explain the residuals of a fit."""
         # The error of the meshes is largest in the corners at the clamp, where it acts as a softer or stiffer clamp.
         corners = [c for cause, columns in columns_by_cause.items() if cause.name == "clamp_softness" for c in columns]
         inputs, of_causes = ([c for cs in some.values() for c in cs] for some in (stated, columns_by_cause))
@@ -98,15 +88,12 @@ class Coefficients:
         )
 
     def column(self, row: int) -> Column:
-        """Return how one of the unknowns changes the residuals.
-
-        row: index of the unknown, which is the error of an uncertain input or a wrong assumption about the bench.
-        """
+        """Return how the error of an input, or a systematic error, changes the residuals."""
         return self.columns[row - self.law if row < self.common else row - self.law - self.common + self.simulated]
 
 
 def _blocks(columns: Iterable[Sequence[Column]], first: int) -> list[list[int]]:
-    """Return the numbers of the columns of each group, if they are numbered in order from ``first``."""
+    # The columns are numbered from `first`.
     blocks = []
     for some in columns:
         blocks.append(list(range(first, first + len(some))))

@@ -1,8 +1,4 @@
-"""Find bench errors that change the residuals alike, and give them equal probabilities.
-
-Let e_a be the residuals after a fit with the bench error a, in units of the noise. Two bench errors a and b are alike
-if |e_a - e_b|^2 is below 2 ln 9 (odds of 9 to 1) plus the error of this difference.
-"""
+"""Find systematic errors that the residuals cannot distinguish, and give them equal probabilities."""
 
 from __future__ import annotations
 
@@ -23,19 +19,13 @@ _LARGEST_CLASS = 3
 def classes(
     remaining: Array, amplitudes: Sequence[int], evidence: Array, negligible: NDArray[np.bool_]
 ) -> list[tuple[int, ...]]:
-    """Return groups of bench errors that the residuals do not distinguish, as indices of the errors.
-
-    Parameters
-    ----------
-    remaining : ndarray, shape (1 + M, N)
-        N residuals in units of the noise: after a fit without a bench error, and with each of M errors.
-    amplitudes : sequence of int
-        Number of components of each error, such as two for a shift in x and y.
-    evidence : ndarray, shape (M,)
-        Logarithm of the probability density of the residuals with each error.
-    negligible : ndarray of bool, shape (M,)
-        Whether the size of each error is negligible.
-    """
+    """Group the systematic errors (given by their numbers) that the residuals cannot distinguish."""
+    # remaining (1 + M, N): residuals in units of the noise, after a fit without a systematic error and with each of M
+    # errors. amplitudes: number of components of each error, such as two for a shift in x and y. evidence (M,):
+    # logarithm of the probability density of the residuals with each error. negligible (M,): whether the size of the
+    # error is negligible.
+    # Two errors are alike if the squared distance of their remaining residuals is below 2 ln 9 (odds of 9 to 1) plus
+    # the error of this distance.
     counts = np.asarray(amplitudes)
     explained = remaining[0] - remaining[1:]
     squares = (explained**2).sum(axis=1)
@@ -60,17 +50,9 @@ def shared_equally(
     is_uncertain: NDArray[np.bool_],
     of_causes: Sequence[tuple[int, ...]],
 ) -> Array:
-    """Divide the probability equally between bench errors that the residuals do not distinguish.
-
-    Parameters
-    ----------
-    score : ndarray, shape (H,)
-        Logarithm of the probability of each of H sets of bench errors.
-    is_uncertain : ndarray of bool, shape (H,)
-        Whether the set also contains errors within the stated uncertainties.
-    of_causes : sequence of tuple of int
-        Groups of bench errors that the residuals do not distinguish; each group contains numbers of bench errors.
-    """
+    """Divide the probability equally between systematic errors that the residuals cannot distinguish."""
+    # score (H,): logarithm of the probability of each set of causes. is_uncertain (H,): whether the set also contains
+    # errors within the stated uncertainties. of_causes: the groups from `classes`.
     # The data do not decide between the causes of a class. Their evidence differs only by their assumed usual sizes:
     # for a scale that is wrong by 3 per cent (3 usual errors), it favours a beam that is 9 mm nearer (1.8 usual
     # errors).

@@ -1,4 +1,4 @@
-"""Find the inputs, such as a width, that the residuals show to differ from their stated values."""
+"""Find the uncertain inputs, such as a width, that are probably wrong according to the residuals of a fit."""
 
 from __future__ import annotations
 
@@ -18,35 +18,22 @@ _SEEN = 2 * np.log(9.0)  # a smaller change of the squares favours a deviation b
 
 @dataclass(frozen=True)
 class Deviation:
-    """The error of an input within its stated uncertainty.
+    """An error of an input, such as the width, that is not larger than its uncertainty allows."""
 
-    Parameters
-    ----------
-    cause : int
-        Index of the error in the list of bench errors.
-    probability : float
-        Probability that the error is not negligible.
-    value : float
-        Size of the error in its unit.
-    moved : float
-        Change of the first unknown by the error; 1 is the distance between the bounds of the search.
-    like : tuple of int
-        Indices of the errors with similar effects on the residuals.
-    """
-
+    # Index in the list of systematic errors.
     cause: int
+    # Probability that the error is not negligible.
     probability: float
     value: float
+    # Change of the first unknown of the fit by the error, scaled to 0..1 between the bounds of the search.
     moved: float
+    # Indices of the errors with similar effects on the residuals.
     like: tuple[int, ...]
 
 
 def deviations(weighing: Weighing, posterior: Posterior, base: int) -> dict[int, Deviation]:
-    """Return those errors of inputs, such as the width, that the residuals show and the stated uncertainties allow.
-
-    A key is the index of such an error in the list of all possible errors. ``base`` is the index of the most probable
-    set of errors.
-    """
+    """Find the uncertain inputs, such as the width, that are probably wrong according to the residuals of a fit."""
+    # A key of the result is the index of a cause. `base` is the index of the most probable set of causes.
     recognised: dict[int, Deviation] = {}
     for cause in range(len(weighing.blocks)):
         rows = weighing.rows_of_inputs(cause)

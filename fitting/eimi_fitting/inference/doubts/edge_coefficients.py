@@ -1,4 +1,4 @@
-"""Describe residuals by coefficients in polynomials along each edge, with the variance of each coefficient."""
+"""Describe residuals by coefficients of polynomials along each edge, with the variance of each coefficient."""
 
 from __future__ import annotations
 
@@ -25,28 +25,23 @@ _FEWEST = 10  # points of the remainder from which the noise is estimated
 
 @dataclass(frozen=True)
 class Projection:
-    """The linear map that replaces residuals by N polynomial coefficients with known variances.
+    """A linear map from residuals to polynomial coefficients along each edge."""
 
-    There are K load cases, G = 2 edges, m points on an edge, and D polynomials.
+    # There are K load cases, 2 edges, m points on an edge, D polynomials, and N coefficients in all.
 
-    Parameters
-    ----------
-    bases : tuple of ndarray, shape (K, G, m, D)
-        Values of the polynomials at the points of each experiment.
-    over_states, over_groups : tuple of ndarray, shape (K, K) and (G, G)
-        Orthogonal matrices that make errors of different load cases, or edges, uncorrelated.
-    noise, error : ndarray, shape (N,)
-        Variance in mm^2 of each coefficient due to noise, and due to other errors with a standard deviation of 1 mm.
-    """
-
+    # (K, 2, m, D) for each experiment: values of the polynomials at the points.
     bases: tuple[Array, ...]
+    # (K, K): orthogonal matrix that makes errors of different load cases uncorrelated.
     over_states: tuple[Array, ...]
+    # (2, 2): the same for the edges.
     over_groups: tuple[Array, ...]
+    # (N,): variance of each coefficient in mm^2, due to noise.
     noise: Array
+    # (N,): the same, due to other errors with a standard deviation of 1 mm.
     error: Array
 
     def of(self, residuals: Sequence[Array | None]) -> Array:
-        """Return the N polynomial coefficients (mm) that describe the residuals (mm) of all experiments, (..., N)."""
+        """Return the polynomial coefficients (mm) of the residuals (mm)."""
         lead = next(r.shape[:-3] for r in residuals if r is not None)
         parts = []
         for basis, turn, mix, residual in zip(self.bases, self.over_states, self.over_groups, residuals, strict=True):
@@ -58,10 +53,8 @@ class Projection:
         return np.concatenate(parts, axis=-1)
 
     def smooth(self, changes: Array) -> Array:
-        """Return the variances (mm^2) of the N coefficients if errors of a known size vary smoothly along the edges.
-
-        changes: coefficients of c changes of the residuals, (c, N). Their root mean square is the size of the errors.
-        """
+        """Return the variances (mm^2) of the coefficients due to errors that vary smoothly along the edges."""
+        # The root mean square of the given changes (c, N) is the size of the errors.
         parts, first = [], 0
         for basis in self.bases:
             here = slice(first, first := first + basis.shape[0] * basis.shape[1] * basis.shape[3])
@@ -71,13 +64,8 @@ class Projection:
 
 
 def projection(experiments: Sequence[Experiment], residuals: Sequence[Array], used: Sequence[Array]) -> Projection:
-    """Return the linear map that describes residuals by a few polynomials along each edge.
-
-    Parameters
-    ----------
-    residuals, used : sequence of ndarray, shape (K, 2, m)
-        Residuals in mm at m points of the two edges, and weights that are positive for the points to use.
-    """
+    """Return the linear map from residuals to polynomial coefficients along each edge."""
+    # (K, 2, m) for each experiment: residuals in mm, and weights that are positive for the points to use.
     bases, turns, mixes, noises, errors = [], [], [], [], []
     for experiment, residual, weights in zip(experiments, residuals, used, strict=True):
         is_used = weights > 0
@@ -99,7 +87,7 @@ def projection(experiments: Sequence[Experiment], residuals: Sequence[Array], us
 
 
 def _polynomials(is_used: NDArray[np.bool_]) -> Array:
-    """Return the values of D orthonormal polynomials at m points on G edges in K load cases, shape (K, G, m, D)."""
+    # (K, 2, m, D): orthonormal along each edge.
     degrees = min(_DEGREES, is_used.shape[-1])
     place = np.cumsum(is_used, axis=-1) / np.maximum(is_used.sum(axis=-1, keepdims=True), 1)
     powers = np.polynomial.legendre.legvander(2 * place - 1, degrees - 1) * is_used[..., None]
@@ -109,7 +97,7 @@ def _polynomials(is_used: NDArray[np.bool_]) -> Array:
 
 
 def _noise(experiment: Experiment, remainder: Array, is_used: NDArray[np.bool_], counts: NDArray[np.intp]) -> Array:
-    """Return the variance in mm^2 due to noise of D polynomial coefficients of each of G edges, (G, D)."""
+    # (2, D): variance in mm^2 of the coefficients of each edge.
     degrees = min(_DEGREES, is_used.shape[-1])
     free = int(np.maximum(counts - degrees, 0).sum())
     sigma = experiment.observed.sigma_mm
@@ -124,7 +112,7 @@ def _noise(experiment: Experiment, remainder: Array, is_used: NDArray[np.bool_],
 
 
 def _over_loads(experiment: Experiment) -> Array:
-    """Return the assumed correlation of the unexplained error between K load cases, (K, K)."""
+    # (K, K): the assumed correlation of the unexplained error between load cases.
     loads = experiment.loads
     strongest = loads.field_T[np.argmax(np.linalg.norm(loads.field_T, axis=1))]
     # The error is similar under similar loads (Kennedy and O'Hagan 2001, J. R. Stat. Soc. B 63:425).

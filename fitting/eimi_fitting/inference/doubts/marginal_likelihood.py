@@ -15,51 +15,37 @@ _ERRORS_MM = np.concatenate([[0.0], np.geomspace(1e-4, 1.0, 17)])  # eta; the ev
 
 @dataclass(frozen=True)
 class Posterior:
-    """The evidence (probability density of the data) of H linear models, and their C coefficients.
+    """The evidence (probability density of the data) and the posterior coefficients of several linear models."""
 
-    Parameters
-    ----------
-    log_evidence : ndarray, shape (H,)
-        Logarithm of the evidence.
-    means : ndarray, shape (H, C)
-        Posterior mean of each coefficient, in prior standard deviations.
-    squares : ndarray, shape (H, C)
-        Posterior mean square of each coefficient, in prior variances.
-    error_squared : ndarray, shape (H,)
-        Posterior mean square of the unexplained error, in mm^2.
-    """
+    # There are H models with C coefficients.
 
+    # (H,)
     log_evidence: Array
+    # (H, C): posterior means of the coefficients, in prior standard deviations.
     means: Array
+    # (H, C): posterior mean squares of the coefficients, in prior variances.
     squares: Array
+    # (H,): posterior mean square of the unexplained error, in mm^2.
     error_squared: Array
 
     def take(self, rows: slice) -> Posterior:
-        """Return the evidence and the coefficients of some models."""
+        """Return the results of some of the models."""
         return Posterior(self.log_evidence[rows], self.means[rows], self.squares[rows], self.error_squared[rows])
 
     @staticmethod
     def of_all(parts: Sequence[Posterior]) -> Posterior:
-        """Join the evidence and the coefficients of several groups of models."""
+        """Join the results of several groups of models."""
         names = ("log_evidence", "means", "squares", "error_squared")
         return Posterior(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
 def weigh(columns: Array, members: NDArray[np.intp], y: Array, noise: Array, error: Array) -> Posterior:
-    """Return the evidence (probability density of the data) of H linear models, and their posterior coefficients.
-
-    Parameters
-    ----------
-    columns : ndarray, shape (C, N)
-        Change of the N data by one prior standard deviation of each coefficient. The last row is zero.
-    members : ndarray, shape (H, q)
-        Indices of the coefficients of each model. A model with fewer than q coefficients repeats the last index.
-    y : ndarray, shape (H, N)
-        The data for each model, in mm.
-    noise, error : ndarray, shape (N,)
-        Variance of each datum in mm^2 due to noise, and due to other errors with a standard deviation of 1 mm. Their
-        true standard deviation is estimated.
-    """
+    """Compute the evidence (probability density of the data) and the posterior coefficients of linear models."""
+    # There are H models, C coefficients, and N data in mm. columns (C, N): change of the data by one prior standard
+    # deviation of each coefficient; the last row is zero. members (H, q): indices of the coefficients of each model,
+    # filled up with the last index. y (H, N): data for each model. noise (N,): variance of each datum due to noise.
+    # error (N,): its variance due to other errors with a standard deviation of 1 mm; the true standard deviation is
+    # estimated.
     # Bishop 2006, Pattern Recognition and Machine Learning, section 3.5, with Woodbury's identity.
     common, own = _common(members)
     h, q = members.shape
@@ -95,7 +81,7 @@ def weigh(columns: Array, members: NDArray[np.intp], y: Array, noise: Array, err
 
 
 def _common(members: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return the indices of the coefficients that all models have, and of each model's other coefficients."""
+    # The indices of the coefficients that all models have, and of the other coefficients of each model.
     differs = (members != members[0]).any(axis=0)
     first = int(np.argmax(differs)) if differs.any() else members.shape[1]
     return members[0, :first], members[:, first:]

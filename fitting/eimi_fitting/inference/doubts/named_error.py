@@ -1,8 +1,4 @@
-"""Compute the intervals of a fit again if probable bench errors explain most of the residuals.
-
-The noise is computed from the residuals after a correction for these bench errors. The change of the modulus by the
-correction widens the interval.
-"""
+"""Compute intervals of a fit that allow for the probable systematic errors, such as a wrong scale."""
 
 from __future__ import annotations
 
@@ -43,10 +39,9 @@ def estimate_beside(
     refinements: Sequence[str],
     seed: int,
 ) -> Estimate | None:
-    """Return the fitted parameters with intervals that allow for the probable bench errors, or None.
-
-    The result is None if no bench error is probable, or if bench errors explain too little of the residuals.
-    """
+    """Compute intervals of a fit that allow for the probable systematic errors, or return None if there are none."""
+    # The noise is computed from the residuals after a correction for the errors. The change of the modulus by the
+    # correction widens the interval. The result is also None if the errors explain too little of the residuals.
     remaining = weighed.remaining
     if remaining is None or weighed.beside_the_fit < _PROBABLE or _OF_THE_MODEL & weighed.most_probable:
         return None
@@ -81,7 +76,7 @@ def estimate_beside(
 
 
 def remaining_error_mm(weighed: Weighed, experiments: Sequence[Experiment]) -> float | None:
-    """Return the mean error of a fit in mm after a correction for the most probable bench errors, or None."""
+    """Return the mean residual (mm) of a fit after a correction for the most probable systematic errors."""
     if weighed.remaining is None:
         return None
     errors = [
@@ -92,7 +87,7 @@ def remaining_error_mm(weighed: Weighed, experiments: Sequence[Experiment]) -> f
 
 
 def contains(modulus: Quantity, shifts_percent: Iterable[float]) -> bool:
-    """Return whether the 95 % interval of a modulus contains its value changed by each of several percentages."""
+    """Return whether the interval of a modulus contains its value changed by each of these percentages."""
     low, high = modulus.interval_95
     return all(low <= modulus.value * (1 + 1e-2 * shift) <= high for shift in shifts_percent)
 
@@ -100,7 +95,7 @@ def contains(modulus: Quantity, shifts_percent: Iterable[float]) -> bool:
 def _with_changes(
     problem: Problem, optimum: Optimum[Evaluation], changes: Sequence[Array]
 ) -> tuple[Problem, Optimum[Evaluation]]:
-    """Return a fit and its optimum after changes in mm were added to the residuals of each experiment."""
+    # Adds changes in mm to the residuals of each experiment.
     experiments = tuple(
         replace(e, change=change if e.change is None else e.change + change)
         for e, change in zip(problem.experiments, changes, strict=True)

@@ -1,4 +1,4 @@
-"""Compute how each bench error changes the residuals of a fit, by finite differences on a coarse mesh."""
+"""Compute how each systematic error, such as a wrong scale, changes the residuals of a fit."""
 
 from __future__ import annotations
 
@@ -38,47 +38,36 @@ _ALONG, _ACROSS = 13, 1  # elements of the solid beside a planar section
 
 @dataclass(frozen=True)
 class Column:
-    """The effect of one component of a bench error, such as a shift in x, on the residuals.
+    """The change of the residuals by one component of a systematic error, such as the x of a shift."""
 
-    Parameters
-    ----------
-    part : int
-        Index of the component.
-    datasets : tuple of int
-        Indices of the datasets with the error.
-    size : float
-        Prior standard deviation of the component.
-    start : float
-        Value of the component in the fit.
-    changes : tuple of ndarray, shape (K, 2, m), or None
-        Change of the residuals of each experiment in mm per unit of the component, at m points of the two edges.
-    """
-
+    # Index of the component.
     part: int
+    # Indices of the datasets with the error.
     datasets: tuple[int, ...]
+    # Prior standard deviation of the component.
     size: float
+    # Value of the component in the fit.
     start: float
+    # (K, 2, m) for each experiment: change of the residuals in mm per unit of the component, in K load cases, at m
+    # points of the two edges.
     changes: tuple[Array | None, ...]
 
 
 @dataclass(frozen=True)
 class Solved:
-    """The simulated shapes and the residuals (mm) that follow from the assumptions of a fit.
-
-    ``bent`` is the experiment in which the inputs, such as the width, have the assumed values.
-    """
+    """A simulated beam, with its residuals in mm."""
 
     assumed: Assumed
+    # The experiment in which the inputs, such as the width, have the assumed values.
     bent: Experiment
     shapes: Shapes
     residuals: Array
 
     @staticmethod
     def of(assumed: Assumed, before: Solved | None = None) -> Solved | None:
-        """Simulate the beam, and compute the residuals; None without an equilibrium or for an impossible specimen.
-
-        before: the result for similar assumptions, from which the simulation starts.
-        """
+        """Simulate the beam and compute its residuals, or return None if the simulation fails."""
+        # The simulation starts from `before`, the result for similar assumptions. It fails without an equilibrium, and
+        # for an impossible specimen.
         try:
             return Solved._of(assumed, before)
         except ValueError:
@@ -107,7 +96,7 @@ class Solved:
         return Solved(assumed, bent, shapes, bent.observed.misfit(bent.model, shapes, setup).residuals[0])
 
     def between_ends(self) -> Array:
-        """Return 1 for a measured edge point, (K, 2, m), far from both ends of the simulated edge, else 0."""
+        """Return weights of the edge points: 0 near the clamp and the tip, and 1 elsewhere."""
         observed = self.bent.observed
         if not isinstance(observed, EdgeObservation):
             return np.ones(())
@@ -138,45 +127,29 @@ def _bends_alike(assumed: Assumed, bent: Experiment, before: Solved) -> bool:
 
 @dataclass(frozen=True)
 class About:
-    """The optimum of a fit, with the derivatives for a comparison of bench errors, such as a wrong scale.
-
-    K are the load cases, G = 2 the edges, m the points, and l the unknowns of the fit other than bench errors.
-
-    Parameters
-    ----------
-    problem : Problem
-        The law, the unknowns and the measurements.
-    unit : ndarray, shape (n,)
-        Optimum of the n unknowns, scaled to 0..1.
-    kept : ndarray of int, shape (l,)
-        Indices of the l unknowns.
-    law_spread : ndarray, shape (l,)
-        Prior standard deviation of each of the l unknowns.
-    slopes : tuple of ndarray, shape (l, K, G, m)
-        Derivatives of the residuals of each experiment by the l unknowns, in mm.
-    residuals : tuple of ndarray, shape (K, G, m)
-        Residuals of each experiment at the optimum, in mm.
-    used : tuple of ndarray, shape (K, G, m)
-        Weights of the points in the comparison of bench errors; zero near clamp and tip.
-    in_error : tuple of ndarray, shape (K, G, m)
-        Weights of the points in root mean square residuals.
-    solved : tuple of Solved
-        Simulation of each experiment at the optimum.
-    """
+    """The optimum of a fit, with the derivatives of its residuals by the unknowns."""
 
     problem: Problem
+    # (n,): the optimum of the n unknowns, scaled to 0..1.
     unit: Array
+    # (l,): indices of the l unknowns that are no systematic errors, and (l,): their prior standard deviations.
     kept: NDArray[np.intp]
     law_spread: Array
+    # (l, K, 2, m) for each experiment: derivatives of the residuals in mm, in K load cases, at m points of the two
+    # edges.
     slopes: tuple[Array, ...]
+    # (K, 2, m) for each experiment: residuals at the optimum in mm.
     residuals: tuple[Array, ...]
+    # (K, 2, m): weights of the points in the comparison of systematic errors; zero near clamp and tip.
     used: tuple[Array, ...]
+    # (K, 2, m): weights of the points in root mean square residuals.
     in_error: tuple[Array, ...]
+    # The simulation of each experiment at the optimum.
     solved: tuple[Solved, ...]
 
     @staticmethod
     def of(problem: Problem, optimum: Optimum[Evaluation], causes: Sequence[PossibleCause]) -> About:
-        """Simulate the optimum of a fit, and return it with the derivatives of its residuals by the unknowns."""
+        """Simulate the optimum of a fit, and compute the derivatives of its residuals by the unknowns."""
         # An unknown that is a cause is left out of the derivatives.
         about, sources = linearise(problem, optimum), {cause.source for cause in causes}
         freed = problem.unknowns.freed
@@ -204,17 +177,14 @@ class About:
 
     @cached_property
     def on_mesh_of_fit(self) -> list[Solved | None]:
-        """The simulation of each experiment at the optimum on the mesh of the fit; None without an equilibrium."""
+        """The simulation of each experiment at the optimum, with the finite-element mesh of the fit."""
         return [
             Solved.of(_assumed(self.problem, self.unit, i, experiment.model))
             for i, experiment in enumerate(self.problem.experiments)
         ]
 
     def start(self, cause: PossibleCause, part: int, dataset: int) -> float:
-        """Return the value that the fit uses for one component of an input, relative to the stated value.
-
-        part: index of the component, such as x or y of a shift. dataset: index of the experiment.
-        """
+        """Return the measured plus the fitted error of one component of an input, or 0 if it was not measured."""
         measured = self.problem.experiments[dataset].measured.get(cause.source, ())
         if not measured:
             return 0.0
@@ -222,7 +192,7 @@ class About:
         return start + self.freed_start(cause.source, part, dataset)
 
     def freed_start(self, source: str, part: int, dataset: int) -> float:
-        """Return the fitted error of one component of an input; 0 if the input was no unknown of the fit."""
+        """Return the fitted error of one component of an input, or 0 if it was not fitted."""
         return sum(
             float(nuisance.value(self.unit[column]))
             for column, nuisance in enumerate(self.problem.unknowns.freed, self.problem.unknowns.searched)
@@ -231,21 +201,15 @@ class About:
 
     @staticmethod
     def is_seen(changes: Sequence[Array | None], size: float) -> bool:
-        """Return whether a bench error of this size changes at least one residual by more than 0.0001 mm."""
+        """Return whether an error of this size changes at least one residual by more than 0.0001 mm."""
         return any(change is not None and np.abs(size * change).max() > _SEEN_MM for change in changes)
 
     def simulated(
         self, moved: Array, amplitudes: Mapping[PossibleCause, Sequence[tuple[Column, float]]]
     ) -> list[Array] | None:
-        """Simulate the residuals of each experiment in mm, (K, 2, m), for a changed law and bench errors.
-
-        Parameters
-        ----------
-        moved : ndarray, shape (l,)
-            Changes of the l unknowns of the fit other than bench errors (a wrong scale, for example).
-        amplitudes : mapping of PossibleCause to sequence of (Column, float)
-            The components of each bench error, such as x and y of a shift, with their values.
-        """
+        """Simulate the residuals (mm) after changes of the unknowns and with systematic errors of given sizes."""
+        # moved (l,): changes of the unknowns `kept`. amplitudes: the components of each systematic error, with their
+        # values.
         unit = self.unit.copy()
         unit[self.kept] = np.clip(unit[self.kept] + moved, 0.0, 1.0)
         residuals = []
@@ -274,7 +238,7 @@ class About:
 
 
 def _assumed(problem: Problem, unit: Array, dataset: int, model: BeamModel) -> Assumed:
-    """Return what a fit assumes about one experiment for the values ``unit`` (n,) of its unknowns, scaled to 0..1."""
+    # `unit` (n,) are the values of the unknowns, scaled to 0..1.
     experiment, unknowns = problem.experiments[dataset], problem.unknowns
     plain = replace(experiment, model=model, solid=None, solid_options=None, change=None)
     freed = tuple(
@@ -286,7 +250,7 @@ def _assumed(problem: Problem, unit: Array, dataset: int, model: BeamModel) -> A
 
 
 def columns_of(about: About, cause: PossibleCause) -> tuple[Column, ...]:
-    """Return the effect of each component of a bench error, such as a shift in x, on the residuals."""
+    """Compute how each component of a systematic error, such as the x of a shift, changes the residuals."""
     columns = []
     for datasets, uncertainty in _groups(about.problem, cause):
         for part, usual in enumerate(cause.sizes):
@@ -301,7 +265,7 @@ def columns_of(about: About, cause: PossibleCause) -> tuple[Column, ...]:
 
 
 def _groups(problem: Problem, cause: PossibleCause) -> list[tuple[tuple[int, ...], float]]:
-    """Return groups of datasets with the same error, such as one wrong width, and its stated uncertainty or 0."""
+    # The datasets with the same error, such as one wrong width, and its stated uncertainty or 0.
     every = tuple(range(len(problem.experiments)))
     if cause.is_common:
         return [(every, 0.0)]
@@ -312,10 +276,8 @@ def _groups(problem: Problem, cause: PossibleCause) -> list[tuple[tuple[int, ...
 
 
 def signature(here: Solved, cause: PossibleCause, part: int, size: float) -> Array | None:
-    """Return the derivative of the residuals in mm by one component of a bench error; None if there is no equilibrium.
-
-    part: index of the component, such as x or y of a shift. size: its usual size.
-    """
+    """Compute the derivative of the residuals (mm) by one component of a systematic error, by finite differences."""
+    # `part` is the index of the component, such as 1 for the y of a shift, and `size` is its usual size.
     if cause.change is None:
         return _as_solid(here)
     sides = []
@@ -329,7 +291,7 @@ def signature(here: Solved, cause: PossibleCause, part: int, size: float) -> Arr
 
 
 def _as_solid(here: Solved) -> Array | None:
-    """Return the change of the residuals in mm by a three-dimensional in place of a planar model, or None."""
+    # The change of the residuals if a three-dimensional model replaces the planar one.
     specimen = here.bent.model.specimen
     if specimen.section == "solid":
         return None

@@ -1,4 +1,4 @@
-"""Compute how an error of each input with an uncertainty, such as a width, changes the residuals of a fit."""
+"""Compute how an error of each uncertain input, such as the width, changes the residuals of a fit."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Number = tuple[str, int, tuple[int, ...], float]  # source, part, datasets and s
 
 
 def stated_columns(about: About, possible: Sequence[PossibleCause]) -> dict[PossibleCause, tuple[Column, ...]]:
-    """Return how an error of each input with an uncertainty, such as a width, changes the residuals of a fit."""
+    """Compute how an error of each uncertain input, such as the width, changes the residuals of a fit."""
     columns: dict[PossibleCause, tuple[Column, ...]] = {}
     for source, part, datasets, sigma in _numbers(about, possible):
         start = about.freed_start(source, part, datasets[0])

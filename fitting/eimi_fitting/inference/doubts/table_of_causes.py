@@ -1,4 +1,4 @@
-"""List all bench errors that a fit compares to explain its residuals."""
+"""List all systematic errors that may explain the residuals of a fit."""
 
 from __future__ import annotations
 

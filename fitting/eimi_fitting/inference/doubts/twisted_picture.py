@@ -1,4 +1,4 @@
-"""Subtract from measured edges the displacement due to a twist of the beam by its magnet."""
+"""Correct measured edges for a twist of the beam by its magnet."""
 
 from __future__ import annotations
 
@@ -21,17 +21,9 @@ _ACCURACY_MM = 1e-3
 def without_twist(
     experiment: Experiment, simulated: Experiment, law: Law, parameters: Array, angle_deg: float
 ) -> Experiment:
-    """Return an experiment whose measured edges are corrected for the twist of the beam by its magnet.
-
-    Parameters
-    ----------
-    simulated : Experiment
-        The experiment from which the twist is computed.
-    parameters : ndarray, shape (1, n)
-        The parameters of the law.
-    angle_deg : float
-        Angle between the magnetic moment and the plane of the picture in degrees.
-    """
+    """Correct the measured edges of an experiment for a twist of the beam by its magnet."""
+    # The twist is computed from the experiment `simulated`. `angle_deg` is the angle between the magnetic moment and
+    # the plane of the picture.
     specimen, observed = simulated.model.specimen, experiment.observed
     if not isinstance(observed, EdgeObservation) or not angle_deg:
         return experiment
@@ -59,20 +51,14 @@ def without_twist(
 
 
 def tip_twist_per_tilt(simulated: Experiment, law: Law, parameters: Array) -> Array | None:
-    """Return the twist of the beam at its magnet under K loads, (K,), for a unit tilt of the magnetic moment.
-
-    The tilt is the angle between the magnetic moment and the plane of the picture.
-    """
+    """Return the twist of the beam at its magnet divided by the tilt of the magnetic moment, for each load case."""
     twisted = _twisted(simulated, law, parameters)
     return None if twisted is None else twisted[1][:, -1]
 
 
 def _twisted(simulated: Experiment, law: Law, parameters: Array) -> tuple[Array, Array] | None:
-    """Return S points of the middle line in mm, (K, S, 2), and the twist of the beam there, (K, S), or None.
-
-    The twist is that for a unit tilt of the magnetic moment out of the plane of the picture. The result is None without
-    a magnet, or without an equilibrium.
-    """
+    # Returns S points of the middle line in mm, (K, S, 2), and the twist there for a unit tilt of the magnetic moment
+    # out of the plane of the picture, (K, S).
     specimen = simulated.model.specimen
     if specimen.magnet is None:
         return None
@@ -98,7 +84,7 @@ def _twisted(simulated: Experiment, law: Law, parameters: Array) -> tuple[Array,
 def _moments_and_forces(
     middle_mm: Array, along_mm: Array, simulated: Experiment, modulus_Pa: float
 ) -> tuple[Array, Array]:
-    """Return bending moments in N m and forces in N between the points of the middle line of a bent beam."""
+    # Returns bending moments in N m and forces in N between the points of the middle line.
     specimen = simulated.model.specimen
     rest = simulated.model.mesh.nodes
     first, last = simulated.model.mesh.row(0), simulated.model.mesh.row(-1)

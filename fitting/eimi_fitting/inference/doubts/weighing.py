@@ -1,4 +1,4 @@
-"""Compare sets of at most two bench errors that may explain the residuals, with simulations of the probable sets."""
+"""Compare all combinations of at most two systematic errors that may explain the residuals of a fit."""
 
 from __future__ import annotations
 
@@ -40,30 +40,20 @@ _MOST_SIZES = 5.0  # largest amplitude, in prior sizes
 
 @dataclass(frozen=True)
 class Exact:
-    """The probabilities of bench errors if the stated values of some inputs, such as the width, are assumed exact.
+    """The probabilities of systematic errors if some uncertain inputs, such as the width, are known exactly."""
 
-    A bench error is a wrong assumption of the fit about the bench.
-
-    Parameters
-    ----------
-    causes : list of int
-        Indices of n bench errors.
-    probability : ndarray, shape (1 + n,)
-        Probability of no bench error, and of each of them.
-    posterior : Posterior
-        The evidence and the sizes of the errors in these 1 + n cases.
-    classes : list of tuple of int
-        Groups of errors that the residuals do not distinguish, as indices.
-    """
-
+    # Indices of n systematic errors.
     causes: list[int]
+    # (1 + n,): probability of none of them, and of each.
     probability: Array
+    # Evidence and sizes of the errors in these 1 + n cases.
     posterior: Posterior
+    # Groups of errors that the residuals do not distinguish.
     classes: list[tuple[int, ...]]
 
 
 class Weighing:
-    """The comparison of all sets of at most two bench errors, such as a wrong scale, that may explain the residuals."""
+    """The comparison of all combinations of at most two systematic errors that may explain the residuals of a fit."""
 
     def __init__(
         self,
@@ -102,14 +92,14 @@ class Weighing:
 
     @property
     def _log_odds(self) -> float:
-        """Logarithm of the prior odds against one bench error: ln(M - 1) for M bench errors."""
+        # Logarithm of the prior odds against one systematic error.
         return float(np.log(max(len(self._causes) - 1, 1)))
 
     def _rows_of(self, hypothesis: tuple[int, ...]) -> list[int]:
         return [index for i in hypothesis for index in self.blocks[i]]
 
     def _members_of(self, rows: Sequence[Sequence[int]]) -> NDArray[np.intp]:
-        """Return lists of indices as the rows of one array; short lists are filled up with the last index."""
+        # The lists of indices become the rows of one array. Short lists are filled up with the last index.
         # The last index belongs to no unknown number: its effect on the residuals is zero.
         members = np.full((len(rows), max(map(len, rows))), len(self._rows) - 1)
         for row, indices in enumerate(rows):
@@ -117,21 +107,19 @@ class Weighing:
         return members
 
     def shown(self, cause: int) -> int:
-        """Return how many components of a bench error the report gives, such as two for x and y."""
+        """Return how many components of a systematic error the report gives, such as 2 for x and y."""
         shown, columns = self._causes[cause].shown, [self._coefficients.column(row) for row in self.blocks[cause]]
         return len(columns) if shown is None else sum(column.part < shown for column in columns) or len(columns)
 
     def alone(self, best: int) -> slice:
-        """Return the indices of the sets of 0 or 1 bench errors in ``hypotheses``.
-
-        ``hypotheses`` contains all sets with exact inputs and, if inputs are uncertain, then all sets with uncertain
-        inputs. The indices are those of the kind to which the set ``best`` belongs.
-        """
+        """Return the indices of the combinations with at most one systematic error."""
+        # `hypotheses` contains all sets with exact inputs and, if inputs are uncertain, then all sets with uncertain
+        # inputs. The result is of the kind to which the set `best` belongs.
         first = self.is_uncertain[best] * (len(self.hypotheses) // len(self._members))
         return slice(first, first + 1 + len(self._causes))
 
     def classes(self, posterior: Posterior) -> list[tuple[int, ...]]:
-        """Return groups of bench errors that the residuals do not distinguish, as indices of the errors."""
+        """Group the systematic errors (given by their numbers) that the residuals cannot distinguish."""
         best = int(np.argmax(posterior.log_evidence + self.log_prior))
         alone = self.alone(best)
         causes = range(len(self._causes))
@@ -140,7 +128,6 @@ class Weighing:
     def _alike(
         self, y: Array, posterior: Posterior, causes: Sequence[int], error_squared: float
     ) -> list[tuple[int, ...]]:
-        """Return groups of the bench errors ``causes`` that the residuals do not distinguish, as indices."""
         variance = self._variance + error_squared * self._project.error
         remaining = y - posterior.means / self._scale @ self._rows
         counts = [len(self.blocks[cause]) for cause in causes]
@@ -155,11 +142,11 @@ class Weighing:
         return self.blocks[cause][: self.shown(cause)]
 
     def scale(self, rows: Sequence[int]) -> Array:
-        """Return the prior standard deviations of the unknowns with the indices ``rows``."""
+        """Return the prior standard deviations of some unknowns."""
         return self._scale[rows]
 
     def rows_of_inputs(self, cause: int) -> list[int]:
-        """Return the indices of the uncertain inputs that cause a bench error, such as remanence for a wrong moment."""
+        """Return the indices of the uncertain inputs that can cause a systematic error."""
         stated_as = self._causes[cause].stated_as
         return [
             row
@@ -169,38 +156,28 @@ class Weighing:
         ]
 
     def squares_of(self, base: int, posterior: Posterior, rows: Sequence[int]) -> float:
-        """Return how strongly the estimated errors of some inputs change the residuals.
-
-        The result is the sum of the squared changes, divided by their variances. base: index of a set of bench errors.
-        rows: indices of the inputs.
-        """
+        """Return the squared change of the residuals by the errors of some inputs, divided by their variance."""
+        # base: index of a set of causes. rows: indices of the inputs.
         change = posterior.means[base, rows] / self._scale[rows] @ self._rows[rows]
         # The variance of noise and unexplained errors.
         variance = self._variance + posterior.error_squared[base] * self._project.error
         return float((change**2 / variance).sum())
 
     def as_cause(self, rows: Sequence[int], amounts: Array, cause: int) -> Array:
-        """Return the size of a bench error, such as a wrong moment, that best approximates the effect of wrong inputs.
-
-        rows, amounts: indices and errors of these inputs, such as the remanence.
-        """
+        """Return the size of a systematic error that changes the residuals as given errors of inputs do."""
+        # The change is approximated by least squares. rows, amounts: indices of the inputs, and their errors.
         of_cause, root = self._shown_rows(cause), np.sqrt(self._variance)
         change = amounts / self._scale[rows] @ self._rows[rows] / root
         return np.linalg.lstsq((self._rows[of_cause] / root).T, change, rcond=None)[0] * self._scale[of_cause]
 
     def stated_size(self, cause: int) -> float:
-        """Return the standard uncertainty of a bench error, such as a wrong moment, due to uncertain inputs.
-
-        It is 0 if no uncertain input, such as the remanence, causes this error.
-        """
+        """Return the standard uncertainty of a systematic error that is due to uncertain inputs."""
         parts = [self.as_cause([row], self._scale[[row]], cause) for row in self.rows_of_inputs(cause)]
         return float(np.linalg.norm(parts)) if parts else 0.0
 
     def if_exact(self, base: int, rows: Sequence[int]) -> Exact:
-        """Return the probabilities of further bench errors beside a given set, if some inputs are exact.
-
-        base: index of the given set of bench errors. rows: indices of the exact inputs.
-        """
+        """Compute the probabilities of further systematic errors if some inputs are known exactly."""
+        # base: index of the set of causes to which one cause is added. rows: indices of the exact inputs.
         hypothesis = self.hypotheses[base]
         causes = [cause for cause in range(len(self._causes)) if cause not in hypothesis]
         hypotheses = [hypothesis, *((*hypothesis, cause) for cause in causes)]
@@ -217,7 +194,7 @@ class Weighing:
         return Exact(causes, probability / probability.sum(), posterior, groups)
 
     def evidence_of_sets(self) -> Posterior:
-        """Return the evidence (probability density of data) of each set of bench errors, and the errors' sizes."""
+        """Compute the evidence (probability density of the data) of each combination of systematic errors."""
         y = np.tile(-self._project.of(self._stated), (len(self.hypotheses), 1))
         result = self._weigh(y, self._model_error(np.zeros((1, y.shape[1]))))
         simulated_at = np.zeros_like(result.means)  # where the linear model is exact
@@ -252,10 +229,8 @@ class Weighing:
         return result
 
     def _starts(self, result: Posterior, known: NDArray[np.bool_]) -> list[tuple[int, int]]:
-        """Find, for each set of bench errors that was not simulated, a simulated set with some of its errors.
-
-        The result contains pairs of indices. The simulation improves the linear approximation of both sets.
-        """
+        # For each hypothesis that was not simulated, find a simulated one with some of its causes. The pairs are
+        # indices.
         score = result.log_evidence + self.log_prior
         # Without a correction, a hypothesis that was not simulated seems to agree worse with the data than others. It
         # takes the correction of the most probable simulated hypothesis with a part of its causes. Both must have the
@@ -275,20 +250,17 @@ class Weighing:
         return pairs
 
     def _model_error(self, changes: Array) -> Array:
-        """Return the variances (mm^2) of the N polynomial coefficients of residuals due to errors of the beam model.
-
-        changes: simulated changes of the coefficients, (c, N), each of which has an error of 1 per cent.
-        """
+        # The variance (mm^2) of each of N coefficients. `changes` (c, N) are simulated changes of the coefficients.
         # The error after the corrections by better models, and an error of 1 per cent in each simulated change.
         of_moves = _OF_MOVE**2 * ((changes**2).sum(axis=0) + self._project.smooth(changes))
         return np.asarray(of_moves + self._project.smooth(self._coefficients.remaining))
 
     def _misfit(self, y: Array, amplitudes: Array) -> float:
-        """Return the mean square of the linearised residuals, in units of the noise variance."""
+        # The mean square of the linearised residuals, in units of the noise variance.
         return float(np.mean((y - (amplitudes / self._scale) @ self._rows) ** 2 / self._project.noise))
 
     def _minimised(self, row: int, amplitudes: Array) -> Array:
-        """Fit the unknowns of set ``row`` of bench errors by least squares with simulations; return their values."""
+        # Least squares with simulations, for the unknowns of one hypothesis.
         trial = amplitudes.copy()
         trial[self._simulated_common : self._common] = 0.0
         best, least = trial.copy(), np.inf
@@ -322,7 +294,7 @@ class Weighing:
         return best
 
     def _slopes(self, row: int, amplitudes: Array, residual: Array, active: Sequence[int]) -> Array | None:
-        """Return the derivatives of the residuals by the unknowns ``active`` (indices); None without an equilibrium."""
+        # The derivatives of the residuals by the unknowns `active`.
         slopes = []
         for i in active:
             if self._law <= i < self._common:  # the linear model alone has these amplitudes
@@ -361,7 +333,7 @@ class Weighing:
         return replace(standard, log_evidence=standard.log_evidence + factors, means=means)
 
     def _probable(self, result: Posterior, far: float) -> list[int]:
-        """Return the indices of the sets of bench errors that are probable enough to be simulated."""
+        # The hypotheses that are probable enough to be simulated, as indices.
         score, rows = result.log_evidence + self.log_prior, []
         sizes = np.array([len(hypothesis) for hypothesis in self.hypotheses])
         for is_uncertain in np.unique(self.is_uncertain):
@@ -388,18 +360,13 @@ class Weighing:
         return self._about.simulated(amplitudes[: self._law], given)
 
     def remaining(self, row: int, amplitudes: Array) -> tuple[Array, ...] | None:
-        """Simulate the residuals in mm after the fit was corrected for a set of bench errors.
-
-        row: index of the set. amplitudes: sizes of its errors. The result is None if the beam has no equilibrium.
-        """
+        """Simulate the residuals (mm) that remain after a correction for a combination of systematic errors."""
+        # row: index of the combination. amplitudes: sizes of its errors.
         residuals = self._simulated(self.hypotheses[row], amplitudes)
         return None if residuals is None else tuple(residuals)
 
     def remaining_mm(self, amplitudes: Array) -> tuple[Array, ...]:
-        """Return the root mean square residual of each load case in mm, after a correction for bench errors.
-
-        The result has an array for each experiment.
-        """
+        """Return the root mean square residual (mm) of each load case after a correction for systematic errors."""
         # The residuals are linear in the amplitudes here; nothing is simulated.
         errors, rows = [], [*range(self._law, self._simulated_common), *range(self._common, len(self._scale) - 1)]
         for i, (residual, slopes, used) in enumerate(
