@@ -10,10 +10,8 @@ from eimi_fitting.inference.evidence.experiment import Experiment
 
 
 def resampled(experiments: Sequence[Experiment], seed: int, replicate: int) -> list[Experiment]:
-    """Return each experiment with its load cases drawn at random with replacement (a bootstrap sample).
-
-    ``replicate`` is the index of the sample.
-    """
+    """Return each experiment with its load cases drawn at random with replacement (a bootstrap sample)."""
+    # `replicate` is the number of the sample.
     # The edges of one load case are measured in one frame. An error of light, blur or rest position moves all points of
     # a frame together. Whole load cases are therefore drawn (resampling cases: Davison and Hinkley 1997, Bootstrap
     # Methods and their Application, section 6.2.4), which keeps the dependence of the points (Künsch 1989, Ann.

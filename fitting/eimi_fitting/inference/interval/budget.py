@@ -1,9 +1,9 @@
-"""Compute the effect of each uncertain input on the initial shear modulus, and the quantity to measure next.
+"""Compute the effect of each uncertain input on the initial shear modulus, and the quantity to measure next."""
 
-An error of input s of one standard uncertainty changes the fitted unknowns x by d_s. Its effect on the modulus mu(x) is
-
-    effect_s = 100 * |mu(x + d_s) - mu(x - d_s)| / (2 mu(x)) per cent.
-"""
+# An error of input s of one standard uncertainty changes the fitted unknowns x by d_s. Its effect on the modulus mu(x)
+# is
+#
+#     effect_s = 100 * |mu(x + d_s) - mu(x - d_s)| / (2 mu(x)) per cent.
 
 from __future__ import annotations
 
@@ -22,85 +22,53 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class BudgetEntry:
-    """The effect of one uncertain input, such as the width of the beam, on the initial shear modulus.
+    """The effect of one uncertain input, such as the width of the beam, on the initial shear modulus."""
 
-    Parameters
-    ----------
-    source : str
-        Short name of the input, such as "width".
-    words : str
-        Full name of the input.
-    standard_uncertainty : float
-        Standard uncertainty of the input, in ``unit``.
-    unit : str
-        Unit of the input.
-    datasets : tuple of int
-        Indices of the datasets with this error.
-    effect_percent : float
-        Standard deviation of the modulus due to this input alone, in per cent.
-    """
-
+    # Short name of the input, such as "width", and its full name.
     source: str
     words: str
+    # In `unit`.
     standard_uncertainty: float
     unit: str
+    # Indices of the datasets with this error.
     datasets: tuple[int, ...]
+    # Standard deviation of the modulus due to this input alone, in per cent.
     effect_percent: float
 
 
 @dataclass(frozen=True)
 class MeasureNext:
-    """The quantity whose better measurement narrows the interval of the modulus most.
+    """The quantity whose better measurement narrows the interval of the modulus most."""
 
-    Parameters
-    ----------
-    source : str or None
-        Short name of the uncertain input, such as "width"; None for the edges of the beam.
-    words : str
-        Full name of the quantity, such as "magnetic moment".
-    initial_shear_modulus_interval_95_Pa : tuple of float
-        95 % interval of the initial shear modulus in Pa for half the uncertainty of this quantity.
-    """
-
+    # Short name of the uncertain input, such as "width"; None for the edges of the beam.
     source: str | None
+    # Full name of the quantity, such as "magnetic moment".
     words: str
+    # The 95 % interval for half the uncertainty of this quantity.
     initial_shear_modulus_interval_95_Pa: tuple[float, float]
 
 
 @dataclass(frozen=True)
 class Moves:
-    """Random errors of the n fitted unknowns in D draws, from which the 95 % intervals are computed.
+    """Random errors of the fitted values, from which the 95 % intervals are computed."""
 
-    Parameters
-    ----------
-    unit : ndarray, shape (n,)
-        Fitted values of the n unknowns, scaled to 0..1 between their bounds.
-    noise : ndarray, shape (D, n)
-        Errors due to noise, priors and the beam models, scaled as ``unit``.
-    deviations : ndarray, shape (D, S)
-        Random errors of S uncertain inputs, in standard uncertainties.
-    steps : Steps
-        The change of the fitted values for one standard uncertainty of each input.
-    further : ndarray, shape (D, n), or float
-        Errors due to a probable wrong assumption about the test bench, scaled as ``unit``; 0 without one.
-    """
+    # There are n unknowns, scaled to 0..1 between their bounds, S uncertain inputs, and D draws.
 
+    # (n,): fitted values.
     unit: Array
+    # (D, n): errors due to noise, priors and the beam models.
     noise: Array
+    # (D, S): errors of the inputs, in standard uncertainties.
     deviations: Array
+    # The change of the fitted values for one standard uncertainty of each input.
     steps: Steps
+    # (D, n): errors due to a probable systematic error; 0 without one.
     further: Array | float = 0.0
 
     def units(self, of_noise: float = 1.0, of_sources: Array | float = 1.0) -> Array:
-        """Return D random draws of the n unknowns, (D, n): the fitted values plus random errors.
-
-        Parameters
-        ----------
-        of_noise : float
-            Factor on the errors due to noise, priors and the beam models.
-        of_sources : float or ndarray, shape (S,)
-            Factor on the errors of the S uncertain inputs.
-        """
+        """Return random draws of the unknowns: the fitted values plus random errors."""
+        # of_noise: factor on the errors due to noise, priors and the beam models. of_sources: factor on the errors of
+        # the inputs, (S,) or a number. The result has the shape (D, n).
         moved = of_noise * self.noise + (of_sources * self.deviations) @ self.steps.sizes
         # Factors of 0 also omit the further errors, so that noise, priors and beam models remain.
         return np.clip(self.unit + moved + np.any(of_sources) * (self.steps.without_bounds + self.further), 0.0, 1.0)
@@ -109,10 +77,8 @@ class Moves:
 def budget(
     sources: Sequence[ConsideredSources], moves: Moves, modulus: Callable[[Array], Array]
 ) -> tuple[tuple[BudgetEntry, ...], MeasureNext]:
-    """Return the effect of each uncertain input on the initial shear modulus, and the quantity to measure next.
-
-    ``modulus`` converts P sets of unknowns (P, n) to moduli (P,) in Pa.
-    """
+    """Return the effect of each uncertain input on the modulus, and the quantity to measure next."""
+    # `modulus` converts sets of unknowns (P, n) to moduli (P,) in Pa.
     entries = budget_entries(sources, moves.unit, moves.steps.sizes, modulus)
     noise = 100 * float(np.std(modulus(moves.units(of_sources=0.0)))) / float(modulus(moves.unit[None])[0])
     if not entries or noise > entries[0].effect_percent:
@@ -126,17 +92,9 @@ def budget(
 def budget_entries(
     sources: Sequence[ConsideredSources], unit: Array, sizes: Array, modulus: Callable[[Array], Array]
 ) -> tuple[BudgetEntry, ...]:
-    """Return the effect of each uncertain input on the initial shear modulus, the largest effect first.
-
-    Parameters
-    ----------
-    unit : ndarray, shape (n,)
-        Fitted values of the n unknowns, scaled to 0..1 between their bounds.
-    sizes : ndarray, shape (S, n)
-        Change of ``unit`` for one standard uncertainty of each of the S ``sources``.
-    modulus : callable
-        Converts P sets of unknowns (P, n) to moduli (P,) in Pa.
-    """
+    """Return the effect of each uncertain input on the initial shear modulus, the largest effect first."""
+    # unit (n,): fitted values, scaled to 0..1 between their bounds. sizes (S, n): change of `unit` for one standard
+    # uncertainty of each of the S inputs. modulus: converts sets of unknowns (P, n) to moduli (P,) in Pa.
     ends = modulus(np.clip(unit + np.concatenate([sizes, -sizes]), 0.0, 1.0))
     effect = 50 * np.abs(np.subtract(*np.split(ends, 2))) / float(modulus(unit[None])[0])
     groups = list(dict.fromkeys(source.shared for source in sources))

@@ -1,12 +1,11 @@
-"""Compute the effect of uncertain inputs on the residuals and on the optimum of a fit.
+"""Compute the effect of uncertain inputs, such as the width, on the residuals and on the optimum of a fit."""
 
-An error of input s of one standard uncertainty changes the residuals by c_s. With the derivatives J of the residuals in
-the unknowns, the weights W of the residuals and the Hessian H, the optimum changes by
-
-    d_s = -inv(H) J' W c_s
-
-(consider covariance: Schmidt 1966, Adv. Control Syst. 3:293).
-"""
+# An error of input s of one standard uncertainty changes the residuals by c_s. With the derivatives J of the residuals
+# in the unknowns, the weights W of the residuals and the Hessian H, the optimum changes by
+#
+#     d_s = -inv(H) J' W c_s
+#
+# (consider covariance: Schmidt 1966, Adv. Control Syst. 3:293).
 
 from __future__ import annotations
 
@@ -37,23 +36,14 @@ _TOLERANCE_MM = 1e-3  # the last Newton step is shorter; the remaining error is 
 
 @dataclass(frozen=True)
 class ConsideredSources:
-    """The change of the residuals by one standard uncertainty of a component of an input, such as x of the clamp.
+    """An uncertain input, such as the width, and the change of the residuals by its standard uncertainty."""
 
-    Parameters
-    ----------
-    name : str
-        Name of the component in a result.
-    shared : SharedUnknowns
-        The input, its standard uncertainty and its datasets.
-    part : int
-        Index of the component, such as 1 for y.
-    changes : tuple of ndarray or None
-        For each experiment, the change in mm, shape (K, 2, m): K load cases, two edges (or x and y) and m points.
-    """
-
+    # Name of one component of the input in a result.
     name: str
     shared: SharedUnknowns
+    # Index of the component, such as 1 for y.
     part: int
+    # (K, 2, m) for each experiment: change in mm, in K load cases, for two edges (or x and y) and m points.
     changes: tuple[Array | None, ...]
 
     @property
@@ -63,12 +53,12 @@ class ConsideredSources:
 
     @property
     def freed(self) -> Nuisance:
-        """The component of the input as an unknown of a fit, with a normal prior of its standard uncertainty."""
+        """The input as an unknown of a fit, with a normal prior."""
         return Nuisance(self.name, self.shared.source, self.part, self.shared.datasets, self.standard_uncertainty)
 
 
 def sources_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
-    """Return the inputs with a specified uncertainty that are not fitted together with the law."""
+    """Return the uncertain inputs, such as the width, that are not fitted with the law."""
     freed = {nuisance.source for nuisance in problem.unknowns.freed}
     # A fitted input also accounts for inputs with the same effect.
     accounted_for = freed.union(*(SOURCES[source].covers for source in freed))
@@ -83,7 +73,7 @@ def sources_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
 
 
 def unstated_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
-    """Return important inputs for which no file specifies an uncertainty, with their usual uncertainties."""
+    """Return important inputs for which no file gives an uncertainty, with their usual uncertainties."""
     freed = {nuisance.source for nuisance in problem.unknowns.freed}
     stated = [experiment.stated for experiment in problem.experiments]
     return tuple(
@@ -96,7 +86,7 @@ def unstated_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
 
 
 def _concerns(source: str, experiment: Experiment) -> bool:
-    """Return whether an error of a magnetic input, such as the direction of magnetisation, has an effect."""
+    # Whether an error of a magnetic input, such as the direction of magnetisation, has an effect.
     # It has none without a field, or without a magnet.
     before = experiment.model.specimen
     changed = specimen_under(before, {source: np.full(len(SOURCES[source].parts), SOURCES[source].usual)})
@@ -106,15 +96,9 @@ def _concerns(source: str, experiment: Experiment) -> bool:
 def considered(
     problem: Problem, unit: Array, groups: Sequence[SharedUnknowns] | None = None
 ) -> tuple[ConsideredSources, ...]:
-    """Return the change of the residuals of a fit by the uncertainty of each input, such as the width.
-
-    Parameters
-    ----------
-    unit : ndarray, shape (n,)
-        Fitted values of the n unknowns, scaled to 0..1 between their bounds.
-    groups : sequence of SharedUnknowns, optional
-        The uncertain inputs; by default those of `sources_of`.
-    """
+    """Return the change of the residuals of a fit by each uncertain input, such as the width."""
+    # unit (n,): fitted values, scaled to 0..1 between their bounds. groups: the inputs; by default those of
+    # `sources_of`.
     chosen = sources_of(problem) if groups is None else groups
     numbers = [(group, part) for group in chosen for part in range(len(SOURCES[group.source].parts))]
     if not numbers:
@@ -132,28 +116,15 @@ def considered(
 def changes_of(
     problem: Problem, unit: Array, numbers: Sequence[tuple[SharedUnknowns, int]]
 ) -> list[list[Array | None]]:
-    """Return the changes of the residuals if one input at a time deviates by its standard uncertainty.
-
-    Parameters
-    ----------
-    unit : ndarray, shape (n,)
-        Values of the n unknowns, scaled to 0..1 between their bounds.
-    numbers : sequence of (SharedUnknowns, int)
-        Each input and the index of its component, such as 1 for y.
-
-    Returns
-    -------
-    list of list
-        For each experiment and input, the change in mm, shape (K, 2, m): K load cases, two edges (or x and y) and m
-        points.
-    """
+    """Return the changes of the residuals if one input at a time has an error of its standard uncertainty."""
+    # unit (n,): values of the unknowns, scaled to 0..1 between their bounds. numbers: each input and the index of its
+    # component, such as 1 for y. The result contains, for each experiment and each input, the change in mm, (K, 2, m).
     return [_changes(problem, unit, index, numbers) for index in range(len(problem.experiments))]
 
 
 def _changes(
     problem: Problem, unit: Array, index: int, numbers: Sequence[tuple[SharedUnknowns, int]]
 ) -> list[Array | None]:
-    """Return the changes of the residuals of one experiment if one input at a time deviates by its uncertainty."""
     # A fitted input deviates from its fitted value, and any other input from its stated value.
     freed = [
         (n.source, n.part, float(n.value(unit[column])))
@@ -177,23 +148,14 @@ def _changes(
 
 @dataclass(frozen=True)
 class Candidate:
-    """Values of the parameters of a law and of the inputs that are fitted with it, for one simulation.
-
-    Parameters
-    ----------
-    law : Law
-        The hyperelastic law.
-    parameters : ndarray, shape (1, n)
-        The n parameters of the law.
-    bulk_modulus_Pa : ndarray, shape (1,), or None
-        The bulk modulus in Pa; None for an incompressible material.
-    freed : tuple of (str, int, float)
-        Name of each fitted input, index of its component (1 for y), and its deviation in the unit of the input.
-    """
+    """A set of parameters of a law and of fitted inputs, for one simulation."""
 
     law: Law
+    # (1, n)
     parameters: Array
+    # (1,), or None for an incompressible material.
     bulk_modulus_Pa: Array | None = None
+    # Name of each fitted input, index of its component (1 for y), and its error in the unit of the input.
     freed: tuple[tuple[str, int, float], ...] = ()
 
 
@@ -209,20 +171,10 @@ def changes_by(
     numbers: Sequence[tuple[str, int, float]],
     near: Configuration | None = None,
 ) -> list[Array | None]:
-    """Return the change of the residuals for each of several errors of inputs.
-
-    Parameters
-    ----------
-    numbers : sequence of (str, int, float)
-        Name of each input, index of its component (1 for y), and the error in the unit of the input.
-    near : Configuration, optional
-        Shapes of the beam from which the solver starts.
-
-    Returns
-    -------
-    list of ndarray or None
-        For each error, the change in mm, shape (K, 2, m): K load cases, two edges (or x and y) and m points.
-    """
+    """Return the change of the residuals by each of several errors of inputs."""
+    # numbers: name of each input, index of its component (1 for y), and the error in the unit of the input. near:
+    # shapes of the beam from which the solver starts. The result contains, for each error, the change in mm, (K, 2, m):
+    # K load cases, two edges (or x and y) and m points.
     # The changes are finite differences. One standard uncertainty changes the shapes of the beam only a little, so that
     # the solver starts from the shapes for the specified values of the inputs. A change is None if the solver finds no
     # equilibrium.
@@ -267,17 +219,13 @@ def _in_equilibrium(shapes: Shapes) -> bool:
 
 @dataclass(frozen=True)
 class Steps:
-    """Changes of the fitted values of n unknowns, which are scaled to 0..1 between their bounds.
+    """Changes of the fitted values by errors of uncertain inputs."""
 
-    Parameters
-    ----------
-    sizes : ndarray, shape (S, n)
-        Change for one standard uncertainty of each of S inputs.
-    without_bounds : ndarray, shape (n,)
-        Change from the optimum between the bounds to the optimum without bounds, reduced if it is large.
-    """
+    # There are n unknowns, scaled to 0..1 between their bounds, and S inputs.
 
+    # (S, n): change for one standard uncertainty of each input.
     sizes: Array
+    # (n,): change from the optimum between the bounds to the optimum without bounds, reduced if it is large.
     without_bounds: Array
 
 
@@ -287,10 +235,8 @@ _FARTHEST = 2.0
 
 
 def steps_of(about: Linearisation, sources: Sequence[ConsideredSources], covariance: Array) -> Steps:
-    """Return how errors of the inputs ``sources`` change the fitted values, and how far the bounds hold them back.
-
-    ``covariance`` (n, n) is the covariance of the n unknowns due to noise and priors.
-    """
+    """Compute how errors of uncertain inputs change the fitted values."""
+    # covariance (n, n): of the unknowns, due to noise and priors.
     # The covariance of the estimate grows by the sum of the products of the changes (Tapley, Schutz and Born 2004,
     # Statistical Orbit Determination, section 6.3).
     sizes, n = np.zeros((len(sources), len(about.unit))), len(about.unit)

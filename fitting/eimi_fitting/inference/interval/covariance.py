@@ -1,17 +1,17 @@
-"""Compute the covariance of the optimum of a fit, from residuals that are linearised there.
+"""Compute the covariance of the fitted values from the derivatives of the residuals."""
 
-The covariance of the optimum is (White 1982, Econometrica 50:1)
-
-    C = inv(A + P) (B + P) inv(A + P)
-
-with the Hessian A of minus the log-likelihood, the covariance B of its gradient, and the inverse prior covariance P:
-
-    A = sum_k w_k J_k' J_k,    B = sum_k tau w_k^2 e_k^2 J_k' J_k,    w_k = N / (K e N_k e_k)
-
-Load case k of K has N_k points, the derivatives J_k of its residuals in the unknowns, and the root mean square residual
-e_k; e is the mean of all e_k. Neighbouring residuals are correlated: tau points count as one independent point, and N
-is the number of independent points in all load cases together. The weight w_k makes all load cases count equally.
-"""
+# The covariance of the optimum is (White 1982, Econometrica 50:1)
+#
+#     C = inv(A + P) (B + P) inv(A + P)
+#
+# with the Hessian A of minus the log-likelihood, the covariance B of its gradient, and the inverse prior covariance P:
+#
+#     A = sum_k w_k J_k' J_k,    B = sum_k tau w_k^2 e_k^2 J_k' J_k,    w_k = N / (K e N_k e_k)
+#
+# Load case k of K has N_k points, the derivatives J_k of its residuals in the unknowns, and the root mean square
+# residual e_k; e is the mean of all e_k. Neighbouring residuals are correlated: tau points count as one independent
+# point, and N is the number of independent points in all load cases together. The weight w_k makes all load cases
+# count equally.
 
 from __future__ import annotations
 
@@ -30,42 +30,34 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class LinearStates:
-    """The residuals of one experiment with K load cases, as linear functions of the n unknowns of a fit.
+    """The residuals of one experiment, as linear functions of the unknowns of a fit."""
 
-    Parameters
-    ----------
-    residuals : ndarray, shape (K, 2, m)
-        Residuals in mm at m points of the two edges, or in x and y of m tracked points.
-    slopes : ndarray, shape (n, K, 2, m)
-        Derivatives of the residuals in mm, in the unknowns scaled to 0..1 between their bounds.
-    used : ndarray, shape (K, 2, m)
-        Zero for points that are not used.
-    weights : ndarray, shape (K,)
-        Weight of the squared residuals in the likelihood, in 1/mm^2.
-    counts : ndarray, shape (K,)
-        Number of points in each load case.
-    error_mm : ndarray, shape (K,)
-        Root mean square residual of each load case in mm.
-    """
+    # There are K load cases, m points on each of two edges (or m tracked points in x and y), and n unknowns.
 
+    # (K, 2, m): in mm.
     residuals: Array
+    # (n, K, 2, m): derivatives of the residuals in mm, in the unknowns scaled to 0..1 between their bounds.
     slopes: Array
+    # (K, 2, m): zero for points that are not used.
     used: Array
+    # (K,): weight of the squared residuals in the likelihood, in 1/mm^2.
     weights: Array
+    # (K,): number of points.
     counts: Array
+    # (K,): root mean square residual.
     error_mm: Array
 
     @property
     def information(self) -> Array:
-        """The Hessian of minus the log-likelihood of this experiment in the n unknowns, shape (n, n)."""
+        """The Hessian of minus the log-likelihood of this experiment."""
         return np.asarray(np.einsum("k,kij->ij", self.weights, self._by_state()))
 
     def score(self, residuals: Array) -> Array:
-        """Return the gradient of minus the log-likelihood in n unknowns, (n,), for residuals (K, 2, m) in mm."""
+        """Return the gradient of minus the log-likelihood for these residuals (mm)."""
         return np.asarray(np.einsum("k,ikgn,kgn->i", self.weights, self.slopes, residuals))
 
     def score_variance(self, observed: Observation) -> Array:
-        """Return the covariance matrix (n, n) of the gradient of the log-likelihood in the n unknowns."""
+        """Return the covariance matrix of the gradient of the log-likelihood."""
         if isinstance(observed, EdgeObservation):
             # sum over the states of tau w^2 e^2 J'J: weight w, error e, slopes J, and tau points as one independent
             # point
@@ -87,80 +79,59 @@ class LinearStates:
 
 @dataclass(frozen=True)
 class Linearisation:
-    """The residuals of a fit (edges, tensile curves, priors) as linear functions of n unknowns near the optimum.
+    """The residuals of a fit to edges, tensile curves and priors, as linear functions of the unknowns."""
 
-    Parameters
-    ----------
-    unit : ndarray, shape (n,)
-        Fitted values of the n unknowns, scaled to 0..1 between their bounds.
-    objective_mm : float
-        The minimised objective in mm.
-    states : tuple of LinearStates
-        The linear residuals of each experiment.
-    points : int
-        Number of measured points.
-    independent_points : float
-        Number of independent points, from the correlation of all residuals.
-    likelihood_points : float
-        The number N in the weights. It is larger than ``independent_points`` if only a part of the residuals is noise.
-    noise_points : float
-        Number of independent points, from the correlation of the noise.
-    noise_mm : float
-        Mean over the load cases of the root mean square noise, in mm.
-    residual_mm : float
-        Root mean square of all residuals, in mm.
-    curves : ndarray, shape (m,)
-        Residuals of m points of the tensile curves, in standard deviations.
-    curve_slopes : ndarray, shape (n, m)
-        Derivatives of ``curves`` in the n unknowns.
-    priors : ndarray, shape (f,)
-        Deviations of f fitted inputs, in standard deviations of their priors.
-    law_priors : ndarray, shape (q,)
-        Residuals of q priors on the law's parameters, in standard deviations.
-    law_prior_slopes : ndarray, shape (n, q)
-        Derivatives of ``law_priors`` in the n unknowns.
-    information, score_variance, prior : ndarray, shape (n, n)
-        Hessian of minus the log-likelihood, covariance of its gradient, and inverse covariance of the priors.
-    """
+    # There are n unknowns, scaled to 0..1 between their bounds.
 
+    # (n,): fitted values.
     unit: Array
+    # The minimum of the objective.
     objective_mm: float
     states: tuple[LinearStates, ...]
+    # Number of measured points, and number of independent points, from the correlation of all residuals.
     points: int
     independent_points: float
+    # The number N in the weights. It is larger than `independent_points` if only a part of the residuals is noise.
     likelihood_points: float
+    # Number of independent points, from the correlation of the noise.
     noise_points: float
+    # Mean over the load cases of the root mean square noise.
     noise_mm: float
+    # Root mean square of all residuals.
     residual_mm: float
+    # (m,) and (n, m): residuals of m points of the tensile curves, in standard deviations, and their derivatives.
     curves: Array
     curve_slopes: Array
+    # (f,): deviations of f fitted inputs, in standard deviations of their priors.
     priors: Array
+    # (q,) and (n, q): residuals of q priors on the law's parameters, in standard deviations, and their derivatives.
     law_priors: Array
     law_prior_slopes: Array
+    # (n, n): Hessian of minus the log-likelihood, covariance of its gradient, inverse covariance of the priors.
     information: Array
     score_variance: Array
     prior: Array
 
     @property
     def law_prior_information(self) -> Array:
-        """The Hessian of minus the logarithm of the priors on the law's parameters, in the n unknowns, shape (n, n)."""
+        """The Hessian of minus the logarithm of the priors on the law's parameters."""
         return np.asarray(self.law_prior_slopes @ self.law_prior_slopes.T)
 
     @property
     def hessian(self) -> Array:
-        """The Hessian of minus the logarithm of the likelihood times all priors, in the n unknowns, shape (n, n)."""
+        """The Hessian of minus the logarithm of the likelihood times all priors."""
         return self.information + self.prior + self.law_prior_information
 
     @property
     def score(self) -> Array:
-        """The gradient of minus the logarithm of the likelihood times all priors, in the n unknowns, (n,)."""
+        """The gradient of minus the logarithm of the likelihood times all priors."""
         total = self.curve_slopes @ self.curves + self.law_prior_slopes @ self.law_priors
         for states in self.states:
             total = total + states.score(states.residuals)
         return self._with_priors(np.asarray(total)[None], self.priors[None])[0]
 
     def score_of(self, candidates: Evaluation) -> Array:
-        """Return the gradient of minus the log-likelihood at P sets of values of the n unknowns, shape (P, n)."""
+        """Return the gradient of minus the log-likelihood for several sets of values of the unknowns."""
         # The slopes are those of the optimum, so that no further simulation is needed.
         # The priors on fitted inputs are included, but not the priors on the law's parameters.
         total = candidates.curves @ self.curve_slopes.T
@@ -177,10 +148,8 @@ class Linearisation:
         return score
 
     def prior_distances(self) -> tuple[float, ...]:
-        """Return, for each prior on a parameter, how far the value fitted without it is from its mean.
-
-        The distances are in standard deviations of the difference.
-        """
+        """Return the distance of each prior from the value fitted without it, in standard deviations."""
+        # The standard deviation is that of the difference.
         distances = []
         for z, slope in zip(self.law_priors, self.law_prior_slopes.T, strict=True):
             # Without this prior, its residual at the optimum would be z (1 + s' inv(H) s), with the variance 1 + s'
@@ -190,7 +159,8 @@ class Linearisation:
         return tuple(distances)
 
     def covariance(self, widened: float = 1.0) -> Array:
-        """Return the covariance matrix (n, n) of the unknowns, for noise ``widened`` times as large as estimated."""
+        """Return the covariance matrix of the unknowns."""
+        # `widened` is a factor on the estimated noise.
         # The weights of the load cases differ from the inverse variance of their noise (sandwich covariance: Huber
         # 1967, Proc. 5th Berkeley Symp. 1:221).
         inverse = np.linalg.inv(self.hessian)
@@ -200,15 +170,8 @@ class Linearisation:
 
 
 def point_correlation(residuals: Array, weights: Array, observed: Observation) -> float:
-    """Return how many neighbouring residuals count as one independent residual, at least 1.
-
-    Parameters
-    ----------
-    residuals : ndarray, shape (K, 2, m)
-        Residuals in mm in K load cases, at m points of the two edges (or in x and y).
-    weights : ndarray, shape (K, 2, m)
-        Zero for points that are not used.
-    """
+    """Return how many neighbouring residuals count as one independent residual, at least 1."""
+    # (K, 2, m): residuals in mm, and weights that are zero for points that are not used.
     # Errors of lens, light and law are similar along an edge and in neighbouring states.
     if isinstance(observed, EdgeObservation):
         by_state = correlation_length(residuals.transpose(1, 2, 0), weights.transpose(1, 2, 0))
@@ -226,11 +189,8 @@ def independent_points(problem: Problem, misfits: tuple[Misfit, ...]) -> float:
 
 
 def linearise(problem: Problem, optimum: Optimum[Evaluation], likelihood_points: float | None = None) -> Linearisation:
-    """Return the residuals of a fit (edges, tensile curves, priors) as linear functions of the unknowns.
-
-    ``likelihood_points`` is the number N in the weights of the residuals, by default the number of independent
-    points, from the correlation of the residuals.
-    """
+    """Return the residuals of a fit as linear functions of the unknowns near the optimum."""
+    # `likelihood_points` is the number N in the weights, by default the number of independent points.
     evaluation, distance = optimum.evaluation, optimum.distance
     n, misfits = len(optimum.unit), evaluation.comparison.misfits
     counted = independent_points(problem, misfits)
@@ -282,7 +242,7 @@ def _linear_states(misfit: Misfit, distance: Array, scale: float) -> LinearState
 
 
 def _curves_score_variance(problem: Problem, z: Array, slopes: Array) -> Array:
-    """Return the covariance matrix (n, n) of the gradient of the tensile curves' log-likelihood."""
+    # The covariance matrix (n, n) of the gradient of the log-likelihood of the tensile curves.
     variance = np.zeros((len(slopes), len(slopes)))
     first = 0
     for curve in problem.curves:

@@ -13,15 +13,9 @@ Array = NDArray[np.float64]
 
 
 def held_out_error_mm(experiments: Sequence[LinearStates], hessian: Array, folds: int = 5) -> float | None:
-    """Return the mean error in mm of a fit in load cases that were omitted from it (cross-validation).
-
-    Parameters
-    ----------
-    hessian : ndarray, shape (n, n)
-        Hessian of minus the logarithm of the likelihood times the priors, in the n unknowns.
-    folds : int
-        Number of groups of load cases; each group is omitted once.
-    """
+    """Return the mean error in mm of a fit in load cases that were omitted from it (cross-validation)."""
+    # hessian (n, n): of minus the logarithm of the likelihood times the priors. folds: number of groups of load cases;
+    # each group is omitted once.
     states = [(experiment, k) for experiment in experiments for k in range(len(experiment.weights))]
     if len(states) < 2:
         return None

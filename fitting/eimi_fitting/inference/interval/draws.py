@@ -1,4 +1,4 @@
-"""Make random draws from the joint distribution of all uncertain quantities of a fit."""
+"""Draw the parameters of a fitted law and the errors of uncertain inputs at random."""
 
 from __future__ import annotations
 
@@ -21,29 +21,21 @@ _DIGITS = 7
 
 @dataclass(frozen=True)
 class Draws:
-    """Random draws of the parameters of a fitted law and of the errors of uncertain inputs, such as the width.
-
-    Parameters
-    ----------
-    seed : int
-        Seed of the random numbers.
-    names : tuple of str
-        Names of the law's parameters, then names of the uncertain inputs.
-    values : tuple of tuple of float
-        One tuple for each draw: the parameters, then the deviations of the inputs.
-    """
+    """Random draws of the parameters of a fitted law and of the errors of uncertain inputs, such as the width."""
 
     seed: int
+    # Names of the parameters, then of the inputs.
     names: tuple[str, ...]
+    # For each draw, the parameters, then the errors of the inputs.
     values: tuple[tuple[float, ...], ...]
 
     def column(self, name: str) -> Array:
-        """Return all D draws (D,) of one parameter or input; raise ValueError if ``name`` is unknown."""
+        """Return all draws of one parameter or input."""
         return np.array(self.values)[:, self.names.index(name)]
 
 
 def normal_draws(rng: np.random.Generator, n: int) -> Array:
-    """Return 4000 draws of n independent variables with a standard normal distribution, shape (4000, n)."""
+    """Return 4000 draws of n independent variables with a standard normal distribution."""
     # Latin hypercube: each of D equally probable ranges of a number contains one draw (McKay, Beckman and Conover 1979,
     # Technometrics 21:239).
     ranks = rng.permuted(np.tile(np.arange(_DRAWN), (n, 1)), axis=1).T
@@ -53,22 +45,12 @@ def normal_draws(rng: np.random.Generator, n: int) -> Array:
 def draw_noise(
     rng: np.random.Generator, unit: Array, covariance: Array, ends: Ends, model_errors: Array, modulus_errors: Array
 ) -> Array:
-    """Draw D random errors (D, n) of the n unknowns of a fit, due to noise, priors and the beam models.
-
-    Parameters
-    ----------
-    unit : ndarray, shape (n,)
-        Fitted values of the n unknowns, scaled to 0..1 between their bounds.
-    covariance : ndarray, shape (n, n)
-        Covariance of the unknowns due to noise and priors.
-    ends : Ends
-        Ends of the asymmetric 95 % intervals.
-    model_errors : ndarray, shape (C, n)
-        Change of the unknowns by one standard deviation of each of C errors of the beam models.
-    modulus_errors : ndarray, shape (C,)
-        Standard deviation of a further change of the modulus (the first unknown) by each of the C errors, drawn
-        independently of ``model_errors``. It accounts for other unknowns that compensate for a part of the error.
-    """
+    """Draw errors of the fitted values at random, due to noise, priors and errors of the beam models."""
+    # There are n unknowns, scaled to 0..1 between their bounds, C errors of the beam models, and D draws. unit (n,):
+    # fitted values. covariance (n, n): due to noise and priors. model_errors (C, n): change of the unknowns by one
+    # standard deviation of each error. modulus_errors (C,): standard deviation of a further change of the modulus (the
+    # first unknown), which accounts for other unknowns that compensate for a part of the error. The result has the
+    # shape (D, n).
     values, vectors = np.linalg.eigh(covariance)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     drawn = normal_draws(rng, len(unit)) @ root.T
@@ -84,7 +66,7 @@ def draw_noise(
 
 
 def thinned(modulus: Array) -> Rows:
-    """Return the indices of every tenth of 4000 draws, in the order of their ``modulus`` (4000,)."""
+    """Return the indices of 400 of 4000 draws: every tenth draw, in ascending order of the modulus."""
     stride = _DRAWN // _KEPT
     # Only these 400 draws are stored. The quantiles of the modulus hardly change by the selection.
     return np.asarray(np.argsort(modulus)[stride // 2 :: stride])
@@ -98,19 +80,9 @@ def draw_parameters(
     modulus: Callable[[Array], Array],
     seed: int = 1,
 ) -> Draws:
-    """Draw parameters of a law at random, from their 95 % intervals and the correlation of their errors.
-
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        Fitted values of the n parameters.
-    intervals : ndarray, shape (n, 2)
-        Lower and upper end of each 95 % interval.
-    correlation : ndarray, shape (n, n)
-        Correlation matrix of the errors.
-    modulus : callable
-        Converts D sets of parameters (D, n) to initial shear moduli (D,).
-    """
+    """Draw the parameters of a law at random, from their 95 % intervals and the correlation of their errors."""
+    # There are n parameters. values (n,): fitted values. intervals (n, 2): lower and upper ends. correlation (n, n).
+    # modulus: converts sets of parameters (D, n) to initial shear moduli (D,).
     eigenvalues, vectors = np.linalg.eigh(correlation)
     root = vectors * np.sqrt(np.maximum(eigenvalues, 0.0))
     z = normal_draws(np.random.default_rng(seed), len(values)) @ root.T / NORMAL_95
@@ -121,18 +93,19 @@ def draw_parameters(
 
 
 def rounded(values: Array) -> Array:
-    """Return the numbers rounded to seven significant digits, as a result file stores them."""
+    """Round the numbers to seven significant digits."""
     with np.errstate(divide="ignore"):
         size = np.where(values == 0, 1.0, 10.0 ** (_DIGITS - 1 - np.floor(np.log10(np.abs(values)))))
     return np.asarray(np.round(values * size) / size)
 
 
 def interval_95(values: Array) -> tuple[float, float]:
-    """Return the 2.5 % quantile and the 97.5 % quantile of D random draws, (D,), as ends of a 95 % interval."""
+    """Return the 2.5 % quantile and the 97.5 % quantile of random draws."""
     low, high = np.quantile(values, [0.025, 0.975]).tolist()
     return low, high
 
 
 def quantity(value: float, unit: str, drawn: Array, fit_alone: Array) -> Quantity:
-    """Return a value with two 95 % intervals: from draws with all errors, and without errors of the inputs."""
+    """Return a value with its 95 % interval, from random draws."""
+    # `fit_alone` are draws without errors of the inputs, for a second interval.
     return Quantity(float(value), unit, interval_95(drawn), interval_95(fit_alone))

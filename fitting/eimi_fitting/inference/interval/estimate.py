@@ -1,8 +1,9 @@
-"""Compute the 95 % intervals of the unknowns of a fit, and find the combinations of unknowns that the data determine.
+"""Compute the 95 % intervals of the unknowns of a fit.
 
 The intervals contain the noise, the error of the beam model, and the uncertainties of specimen, calibration and rig.
-The bounds of the search count as a normal prior, with the variance of a uniform distribution between the bounds.
 """
+
+# The bounds of the search count as a normal prior, with the variance of a uniform distribution between the bounds.
 
 from __future__ import annotations
 
@@ -51,39 +52,25 @@ _SLOPE_STEP = 1e-4  # step of a finite difference, as a share of the coordinate'
 
 @dataclass(frozen=True)
 class FreedNuisance:
-    """An input that was fitted together with the law, such as the width, and its deviation from the specified value.
+    """The fitted error of an uncertain input, such as the width, that was fitted with the law."""
 
-    Parameters
-    ----------
-    name : str
-        Name of the input in a result.
-    datasets : tuple of int
-        Indices of the datasets with this deviation.
-    deviation : Quantity
-        Fitted value minus specified value.
-    prior_standard_deviation : float
-        Standard deviation of the prior, in the unit of the deviation.
-    """
-
+    # Name of the input in a result.
     name: str
+    # Indices of the datasets with this error.
     datasets: tuple[int, ...]
+    # Fitted value minus specified value.
     deviation: Quantity
+    # In the unit of the deviation.
     prior_standard_deviation: float
 
 
 @dataclass(frozen=True)
 class CorrectionEffect:
-    """The change of the initial shear modulus by an accurate beam model, such as one with a finer mesh.
+    """The change of the initial shear modulus by an accurate beam model, such as one with a finer mesh."""
 
-    Parameters
-    ----------
-    change_percent : float or None
-        Change of the modulus in per cent.
-    left_percent : float or None
-        95 % bound of the error of the modulus with the accurate model, in per cent.
-    """
-
+    # Change of the modulus in per cent.
     change_percent: float | None
+    # 95 % bound of the error of the modulus with the accurate model, in per cent.
     left_percent: float | None
 
 
@@ -102,21 +89,21 @@ class Estimate:
     freed : tuple of FreedNuisance
         The uncertain inputs, such as the width, that were fitted with the law.
     identifiability : Identifiability
-        The unknowns that the data determine, and those that they do not determine.
+        Which unknowns the data determine.
     mesh : CorrectionEffect or None
-        Effect of a finer mesh.
+        Change of the modulus by a finer mesh.
     section_change : CorrectionEffect or None
-        Effect of a three-dimensional model.
+        Change of the modulus by a three-dimensional model.
     held_out_error_mm : float or None
-        Mean error of load cases omitted from the fit, in mm (cross-validation).
+        Mean error in mm of load cases that were omitted from the fit (cross-validation).
     budget : tuple of BudgetEntry
         Effect of each uncertain input on the initial shear modulus, the largest first.
     measure_next : MeasureNext
         The quantity whose better measurement narrows the interval of the modulus most.
     if_uncertain : tuple of BudgetEntry
-        Effect of important inputs whose uncertainty no file specifies.
+        Effect of important inputs for which no file gives an uncertainty.
     draws : Draws or None
-        Random draws whose quantiles are the intervals.
+        Random draws, from which the intervals are computed.
     """
 
     parameters: dict[str, Quantity]
@@ -142,17 +129,9 @@ def estimate(
     seed: int,
     shift_percent: float = 0.0,
 ) -> Estimate:
-    """Return the parameters of a fitted law with their 95 % intervals.
-
-    Parameters
-    ----------
-    effects : sequence of Effect
-        Changes of the fitted values by accurate beam models.
-    refinements : sequence of str
-        Names of the accurate beam models that were tried.
-    shift_percent : float
-        95 % bound of an error of the modulus in per cent, which widens the interval.
-    """
+    """Return the parameters of a fitted law with their 95 % intervals."""
+    # effects: changes of the fitted values by accurate beam models. refinements: names of the accurate models that were
+    # tried. shift_percent: 95 % bound of a further error of the modulus, which widens the interval.
     unknowns, unit = problem.unknowns, optimum.unit
     about, explained, sources = noise.about, noise.explained, noise.sources
     covariance = about.covariance(_widened(problem, about))
@@ -192,17 +171,15 @@ def estimate(
 
 
 def _if_uncertain(problem: Problem, about: Linearisation, covariance: Array) -> tuple[BudgetEntry, ...]:
-    """Return the effects on the modulus of inputs without a specified uncertainty, if they had a usual one."""
+    # The effect on the modulus of inputs for which no file gives an uncertainty, if they had a usual one.
     sources = considered(problem, about.unit, unstated_of(problem))
     sizes = steps_of(about, sources, covariance).sizes
     return budget_entries(sources, about.unit, sizes, lambda units: _modulus(problem.law, problem.unknowns, units))
 
 
 def _model_error_bounds(unknowns: Unknowns, about: Linearisation, effects: Sequence[Effect]) -> tuple[Array, Array]:
-    """Return 95 % bounds of the errors that remain after each of C corrections by more accurate beam models.
-
-    The bounds are those of n unknowns, (C, n), and of the modulus, (C,).
-    """
+    # 95 % bounds of the errors that remain after each of C corrections by accurate beam models: of the n unknowns, (C,
+    # n), and of the modulus, (C,).
     model_errors, modulus_errors = np.zeros((len(effects), len(about.unit))), np.zeros(len(effects))
     log_range = _log_range(unknowns)
     for c, effect in enumerate(effects):
@@ -219,7 +196,7 @@ def _model_error_bounds(unknowns: Unknowns, about: Linearisation, effects: Seque
 
 
 def _log_range(unknowns: Unknowns) -> float:
-    """Return ln(upper bound / lower bound) for the bounds of the modulus in the search."""
+    # ln(upper bound / lower bound) of the modulus in the search.
     return float(np.log(unknowns.space.upper[0] / unknowns.space.lower[0]))
 
 
@@ -242,7 +219,7 @@ def _effects_percent(
 
 
 def _widened(problem: Problem, about: Linearisation) -> float:
-    """Return the factor by which the intervals are wider because the size of the noise is estimated (Student's t)."""
+    # The factor by which the intervals are wider because the size of the noise is estimated (Student's t).
     if not all(isinstance(e.observed, EdgeObservation) for e in problem.experiments):
         # the noise of tracked points is stated
         return 1.0
@@ -260,7 +237,6 @@ def _ends(
     half_width: Array,
     checked: tuple[int, ...],
 ) -> Ends:
-    """Return the ends of the 95 % intervals of all unknowns."""
     searched, law_prior_squares = problem.unknowns.searched, float((about.law_priors**2).sum())
     bounds_prior = np.where(np.arange(len(about.unit)) < searched, np.diag(about.prior), 0.0)
 
@@ -303,7 +279,7 @@ def _modulus(law: Law, unknowns: Unknowns, units: Array) -> Array:
 def _quantities(
     law: Law, unknowns: Unknowns, moves: Moves, sources: Sequence[ConsideredSources], seed: int
 ) -> dict[str, Any]:
-    """Return parameters, moduli, fitted inputs and random draws, as a dictionary of attributes of an `Estimate`."""
+    # The result contains attributes of an `Estimate`.
     drawn_units = moves.units(), moves.units(of_sources=0.0)
     kept = [thinned(_modulus(law, unknowns, units)) for units in drawn_units]
     all_sources, fit_alone = (units[rows] for units, rows in zip(drawn_units, kept, strict=True))
@@ -331,7 +307,7 @@ def _quantities(
 
 
 def _columns(unknowns: Unknowns, units: Array) -> dict[str, Array]:
-    """Return P sets of unknowns in physical units, as one array (P,) for each name, from scaled values (P, n)."""
+    # Scaled values (P, n) in physical units, as one array (P,) for each name.
     parameters, bulk = unknowns.parameters(units), unknowns.bulk_modulus_Pa(units)
     columns = dict(zip(unknowns.space.law.parameter_names, parameters.T, strict=True))
     if bulk is not None:
@@ -389,7 +365,7 @@ def _identifiability(
 
 
 def _slopes(unknowns: Unknowns, unit: Array) -> Array:
-    """Return the derivatives (m, n) of the m parameters of the law in the n unknowns, scaled to 0..1."""
+    # (m, n): derivatives of the m parameters of the law in the n unknowns, scaled to 0..1.
     step = _SLOPE_STEP * np.eye(len(unit))
     ahead, behind = np.minimum(unit + step, 1.0), np.maximum(unit - step, 0.0)
     difference = unknowns.parameters(ahead) - unknowns.parameters(behind)

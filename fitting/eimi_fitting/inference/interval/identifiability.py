@@ -1,9 +1,8 @@
-"""Find the combinations of the unknowns of a fit that the data determine, and describe them in words.
+"""Find the combinations of the unknowns of a fit that the data determine, and describe them in words."""
 
-The combinations are the eigenvectors of P^(-1/2) A P^(-1/2), with the information A of the data
-(`inference.interval.covariance`) and the diagonal inverse variance P of the priors. The fit reduces the standard
-deviation of a combination to its prior value times 1 / sqrt(1 + v), where v is its eigenvalue.
-"""
+# The combinations are the eigenvectors of P^(-1/2) A P^(-1/2), with the information A of the data
+# (`inference.interval.covariance`) and the diagonal inverse variance P of the priors. The fit reduces the standard
+# deviation of a combination to its prior value times 1 / sqrt(1 + v), where v is its eigenvalue.
 
 from __future__ import annotations
 
@@ -27,75 +26,47 @@ _CORRELATED = 0.9  # two unknowns are described as one combination above this co
 
 @dataclass(frozen=True)
 class Direction:
-    """One of the combinations of unknowns whose errors are independent of each other.
+    """A combination of unknowns whose error is independent of the errors of the other combinations."""
 
-    Parameters
-    ----------
-    words : str
-        Description such as "a with b against c": a and b increase together while c decreases.
-    remaining : float
-        Standard deviation after the fit, divided by the standard deviation of the prior.
-    """
-
+    # Description such as "a with b against c": a and b increase together while c decreases.
     words: str
+    # Standard deviation after the fit, divided by the standard deviation of the prior.
     remaining: float
 
 
 @dataclass(frozen=True)
 class Identifiability:
-    """The unknowns of a fit that the data determine, and those that they do not determine.
+    """Which unknowns of a fit the data determine, and which they do not determine."""
 
-    Parameters
-    ----------
-    statement : str
-        A summary in a few sentences.
-    not_fixed : tuple of str
-        Names of the law's unknowns that the data do not determine.
-    held_by_bounds : tuple of str
-        Names of the parameters whose interval is mainly determined by the bounds of the search.
-    at_bound : tuple of str
-        Names of the law's unknowns with a fitted value on a bound of the search.
-    residual_mm : float
-        Root mean square of all residuals in mm.
-    correlation_points : float
-        How many neighbouring points count as one independent point, on average.
-    points : int
-        Number of measured points.
-    independent_points : float
-        Number of independent points, from the correlation of all residuals.
-    names : tuple of str
-        Names of all unknowns.
-    correlation : tuple of tuple of float
-        Correlation matrix of the errors of the unknowns.
-    directions : tuple of Direction
-        Combinations of unknowns with independent errors, the best determined first.
-    profiled : tuple of str
-        Names of the unknowns whose interval is computed from the profile likelihood.
-    noise_mm : float or None
-        Mean over the load cases of the root mean square noise, in mm.
-    noise_points : float or None
-        Number of independent points, from the correlation of the noise.
-    stated_squares : float
-        Sum of the squares of the estimated errors of the uncertain inputs, each divided by its standard uncertainty.
-    model_mm : float
-        Mean standard deviation of the error of the beam model in mm.
-    """
-
+    # A summary in a few sentences.
     statement: str
+    # Names of the law's unknowns that the data do not determine.
     not_fixed: tuple[str, ...]
+    # Names of the parameters whose interval is mainly determined by the bounds of the search.
     held_by_bounds: tuple[str, ...]
+    # Names of the law's unknowns with a fitted value on a bound of the search.
     at_bound: tuple[str, ...]
+    # Root mean square of all residuals.
     residual_mm: float
+    # How many neighbouring points count as one independent point, on average.
     correlation_points: float
+    # Number of measured points, and number of independent points, from the correlation of all residuals.
     points: int
     independent_points: float
+    # Names of all unknowns, and the correlation matrix of their errors.
     names: tuple[str, ...]
     correlation: tuple[tuple[float, ...], ...]
+    # The best determined combination comes first.
     directions: tuple[Direction, ...]
+    # Names of the unknowns whose interval is computed from the profile likelihood.
     profiled: tuple[str, ...]
+    # Mean over the load cases of the root mean square noise.
     noise_mm: float | None = None
+    # Number of independent points, from the correlation of the noise.
     noise_points: float | None = None
+    # Sum of the squares of the estimated errors of the uncertain inputs, each divided by its standard uncertainty.
     stated_squares: float = 0.0
+    # Mean standard deviation of the error of the beam model.
     model_mm: float = 0.0
 
 
@@ -106,17 +77,9 @@ def is_open(modulus: Quantity) -> bool:
 
 
 def held_by_bounds(slopes: Array, covariance: Array, open_coordinates: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return which of m parameters of a law are limited mainly by the bounds of the search.
-
-    Parameters
-    ----------
-    slopes : ndarray, shape (m, n)
-        Derivatives of the parameters in the n unknowns.
-    covariance : ndarray, shape (n, n)
-        Covariance of the unknowns.
-    open_coordinates : ndarray of bool, shape (n,)
-        True for unknowns that the data do not determine.
-    """
+    """Return which parameters of a law are limited mainly by the bounds of the search."""
+    # There are m parameters and n unknowns. slopes (m, n): derivatives of the parameters in the unknowns. covariance
+    # (n, n). open_coordinates (n,): true for unknowns that the data do not determine.
     variance = np.einsum("mi,ij,mj->m", slopes, covariance, slopes)
     # the variance from unknowns that the data do not determine
     from_bounds = slopes[:, open_coordinates] ** 2 @ np.diag(covariance)[open_coordinates]
@@ -124,15 +87,7 @@ def held_by_bounds(slopes: Array, covariance: Array, open_coordinates: NDArray[n
 
 
 def directions(names: Sequence[str], information: Array, prior: Array) -> tuple[Direction, ...]:
-    """Return the n combinations of unknowns with independent errors, the best determined first.
-
-    Parameters
-    ----------
-    information : ndarray, shape (n, n)
-        Hessian of minus the log-likelihood.
-    prior : ndarray, shape (n, n)
-        Inverse covariance of the priors, diagonal.
-    """
+    """Return the combinations of unknowns with independent errors, the best determined first."""
     # eigenvectors of P^(-1/2) A P^(-1/2), with the information A and the prior P
     scale = 1 / np.sqrt(np.diag(prior))
     values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
@@ -162,29 +117,11 @@ def statement(
     modulus: Quantity,
     priors: bool = False,
 ) -> str:
-    """Return a few sentences that say which unknowns of a fit the data determine.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Names of all n unknowns; those of the law come first.
-    law_coordinates : int
-        Number of unknowns of the law.
-    not_fixed : sequence of str
-        Names of the law's unknowns that the data do not determine.
-    correlation : ndarray, shape (n, n)
-        Correlation matrix of the unknowns.
-    eigen : sequence of Direction
-        Combinations of unknowns with independent errors.
-    ratios : sequence of str
-        Names of fitted inputs that multiply the magnetic load.
-    remaining : sequence of float
-        For each unknown, its standard deviation after the fit, divided by that of its prior.
-    modulus : Quantity
-        The initial shear modulus in Pa.
-    priors : bool
-        Whether there are priors on the law's parameters.
-    """
+    """Say in a few sentences which unknowns of a fit the data determine."""
+    # names: all n unknowns; the first `law_coordinates` belong to the law. not_fixed: names of the law's unknowns that
+    # the data do not determine. ratios: names of fitted inputs that multiply the magnetic load. remaining: for each
+    # unknown, its standard deviation after the fit, divided by that of its prior. priors: whether there are priors on
+    # the law's parameters.
     law_names = names[:law_coordinates]
     data = "These data" if len(law_names) == len(names) and not priors else "These data and the given priors"
     fixed = [name for name in law_names if name not in not_fixed]
@@ -226,7 +163,7 @@ def statement(
 
 
 def _percent(modulus: Quantity) -> str:
-    """Return the 95 % interval of the modulus relative to its value, as ``±0.4 %`` or ``-20 % to +35 %``."""
+    # The interval relative to the value, as "±0.4 %" or "-20 % to +35 %".
     below, above = (100 * (end / modulus.value - 1) for end in modulus.interval_95)
     half = 0.5 * (above - below)
     return f"±{half:.2g} %" if abs(above + below) < 0.2 * half else f"{below:+.2g} % to {above:+.2g} %"

@@ -1,12 +1,11 @@
-"""Separate noise from errors of uncertain inputs: noise is the part of the residuals that no such error explains.
+"""Separate the residuals of a fit into noise and errors of uncertain inputs, such as the width."""
 
-The change dx of the unknowns x and the errors s of the inputs, in standard uncertainties, are fitted together:
-
-    minimise  sum_k w_k |r_k + J_k dx + C_k s|^2 + |s|^2 + the priors on x
-
-for the residuals r_k of load case k in mm, their derivatives J_k in x, their changes C_k for one standard uncertainty
-of each input, and the weights w_k (`inference.interval.covariance`). The remaining residuals are the noise.
-"""
+# The change dx of the unknowns x and the errors s of the inputs, in standard uncertainties, are fitted together:
+#
+#     minimise  sum_k w_k |r_k + J_k dx + C_k s|^2 + |s|^2 + the priors on x
+#
+# for the residuals r_k of load case k in mm, their derivatives J_k in x, their changes C_k for one standard uncertainty
+# of each input, and the weights w_k (`inference.interval.covariance`). The remaining residuals are the noise.
 
 from __future__ import annotations
 
@@ -37,73 +36,51 @@ _PASSES = 3  # largest number of Gauss-Newton steps, each with renewed slopes
 
 @dataclass(frozen=True)
 class Explained:
-    """The residuals of a joint fit of n unknowns and S uncertain inputs, such as the width.
+    """The residuals that remain after the unknowns and the uncertain inputs were fitted together."""
 
-    Parameters
-    ----------
-    states : tuple of LinearStates
-        The residuals of each experiment, with derivatives in the n unknowns and then in the S inputs.
-    hessian : ndarray, shape (n + S, n + S)
-        Hessian of minus the logarithm of the likelihood times the priors.
-    squares : float
-        Sum of the squared errors of the inputs, in standard uncertainties.
-    """
+    # There are n unknowns and S inputs.
 
+    # The residuals of each experiment, with derivatives in the unknowns and then in the inputs.
     states: tuple[LinearStates, ...]
+    # (n + S, n + S): Hessian of minus the logarithm of the likelihood times the priors.
     hessian: Array
+    # Sum of the squared errors of the inputs, in standard uncertainties.
     squares: float
 
 
 @dataclass(frozen=True)
 class Effect:
-    """The change of the fitted values by an accurate beam model, such as one with a finer mesh.
+    """The change of the fitted values by an accurate beam model, such as one with a finer mesh."""
 
-    Parameters
-    ----------
-    correction : Correction
-        The change of the residuals by the accurate model.
-    moved : ndarray, shape (n,)
-        Change of the fitted values, scaled to 0..1 between their bounds.
-    share : float, optional
-        Error that the fitted values still have with the accurate model, as a share of ``moved``.
-    least_percent : float
-        Lower limit of the 95 % bound of the error of the modulus in per cent.
-    """
-
+    # The change of the residuals by the accurate model.
     correction: Correction
+    # (n,): change of the fitted values, scaled to 0..1 between their bounds.
     moved: Array
+    # Error that the fitted values still have with the accurate model, divided by `moved`.
     share: float | None = None
+    # Lower limit of the 95 % bound of the error of the modulus in per cent.
     least_percent: float = 0.0
 
     @property
     def remaining_share(self) -> float:
-        """The error of the fitted values with the accurate beam model, as a share of their change by this model."""
+        """The error of the fitted values with the accurate model, divided by their change by this model."""
         return self.correction.refinement.remaining_share if self.share is None else self.share
 
 
 @dataclass(frozen=True)
 class Noise:
-    """The residuals of a fit near the optimum, and the part of them that is noise.
+    """The residuals of a fit near the optimum, and the part of them that is noise."""
 
-    Parameters
-    ----------
-    about : Linearisation
-        The residuals as linear functions of the unknowns.
-    explained : Explained
-        Joint fit of the unknowns and the inputs ``sources``; its residuals are the noise.
-    sources : tuple of ConsideredSources
-        The uncertain inputs that only this joint fit determines, and not the fit of the law.
-    mean_model_mm : float
-        Mean standard deviation of the error of the beam model in mm.
-    """
-
+    # The residuals as linear functions of the unknowns.
     about: Linearisation
+    # The residuals after a joint fit with the inputs `sources`; these are the noise.
     explained: Explained
     sources: tuple[ConsideredSources, ...]
+    # Mean standard deviation of the error of the beam model.
     mean_model_mm: float = 0.0
 
     def not_considered(self, problem: Problem) -> tuple[str, ...]:
-        """Return one warning for each uncertain input whose effect the intervals do not contain, as a sentence."""
+        """Return a warning for each uncertain input whose effect the intervals do not contain."""
         return tuple(
             (
                 f"the intervals do not contain the uncertainty of the {SOURCES[group.source].words}: no equilibrium "
@@ -115,11 +92,8 @@ class Noise:
 
 
 def linearise_noise(problem: Problem, optimum: Optimum[Evaluation], effects: Sequence[Effect] = ()) -> Noise:
-    """Return the linearised residuals of a fit, and the part of them that is noise.
-
-    ``effects`` are the corrections of the fitted values by more accurate beam models. They also give the remaining
-    error of the beam model.
-    """
+    """Separate the residuals of a fit into noise and errors of uncertain inputs."""
+    # `effects` also give the remaining error of the beam model.
     about, sources = linearise(problem, optimum), considered(problem, optimum.unit)
     if not sources:
         return Noise(about, Explained(about.states, about.hessian, float((about.priors**2).sum())), ())
@@ -141,7 +115,7 @@ def linearise_noise(problem: Problem, optimum: Optimum[Evaluation], effects: Seq
 
 
 def _model_mm(optimum: Optimum[Evaluation], effects: Sequence[Effect]) -> list[Array]:
-    """Return the standard deviation of the error of the beam model in mm, (K,) for each experiment."""
+    # (K,) for each experiment: standard deviation of the error of the beam model.
     model_mm = []
     for index, misfit in enumerate(optimum.evaluation.comparison.misfits):
         counts = np.maximum(misfit.weights.sum(axis=(1, 2)), 1.0)
@@ -156,12 +130,12 @@ def _model_mm(optimum: Optimum[Evaluation], effects: Sequence[Effect]) -> list[A
 
 
 def _mean_mm(states: Sequence[LinearStates]) -> float:
-    """Return the mean over all load cases of the root mean square residual, in mm."""
+    # The mean over all load cases of the root mean square residual.
     return float(np.mean(np.concatenate([linear.error_mm for linear in states])))
 
 
 def _independent(problem: Problem, states: Sequence[LinearStates]) -> float:
-    """Return how many points of all experiments count as independent."""
+    # The number of points of all experiments that count as independent.
     return sum(
         float(linear.used.sum()) / point_correlation(linear.residuals, linear.used, experiment.observed)
         for linear, experiment in zip(states, problem.experiments, strict=True)
@@ -175,7 +149,7 @@ def _explained(
     model_mm: Sequence[Array],
     near: Sequence[Shapes],
 ) -> Explained:
-    """Fit unknowns and uncertain inputs together, and return the remaining residuals."""
+    # Fit unknowns and uncertain inputs together.
     unknowns = Unknowns(problem.unknowns.space, (*problem.unknowns.freed, *(source.freed for source in sources)))
     freed = replace(problem, unknowns=unknowns)
     unit, n = np.concatenate([about.unit, np.full(len(sources), 0.5)]), len(about.unit)
@@ -228,10 +202,8 @@ def _explained(
 def _value(
     unknowns: Unknowns, unit: Array, states: Sequence[LinearStates], model_mm: Sequence[Array], points: float
 ) -> float:
-    """Return the objective (mm) of a fit in which the errors of the uncertain inputs are fitted, too.
-
-    unit: the scaled unknowns. points: number of independent points.
-    """
+    # The objective (mm) of the joint fit. `unit` are the scaled unknowns, and `points` is the number of independent
+    # points.
     # The likelihood is proportional to this number to the power -points.
     return float(np.concatenate(_with_model(states, model_mm)).mean()) * float(
         np.exp(_squares(unknowns, unit) / (2 * points))
@@ -239,7 +211,7 @@ def _value(
 
 
 def _slopes(misfit: Misfit, distance: Array) -> Array:
-    """Return the derivatives of the residuals in mm by n unknowns (scaled to 0..1), by central differences."""
+    # Central differences by the n unknowns, scaled to 0..1.
     n = len(distance)
     # The residuals belong to the optimum, then to n increased and n decreased values of one unknown each.
     ahead, behind = misfit.residuals[1 : n + 1], misfit.residuals[n + 1 :]
@@ -247,13 +219,13 @@ def _slopes(misfit: Misfit, distance: Array) -> Array:
 
 
 def _with_sources(slopes: Array, changes: Sequence[Array | None]) -> Array:
-    """Append the derivatives of the residuals by the uncertain inputs to those by the unknowns."""
+    # Append the derivatives by the uncertain inputs to those by the unknowns.
     # An input scaled to 0..1 covers 2 * RANGE standard uncertainties.
     return np.concatenate([slopes, [np.zeros(slopes.shape[1:]) if c is None else 2 * RANGE * c for c in changes]])
 
 
 def _squares(unknowns: Unknowns, unit: Array) -> float:
-    """Return the sum of the squared deviations of inputs from their specified values, in standard uncertainties."""
+    # The sum of the squared deviations of the inputs from their specified values, in standard uncertainties.
     return float((unknowns.standardised(unit[None]) ** 2).sum())
 
 
@@ -265,7 +237,7 @@ def _least(
     prior: Array,
     model_mm: Sequence[Array],
 ) -> tuple[Array, list[LinearStates]]:
-    """Fit unknowns and uncertain inputs by least squares, and return their values and the remaining residuals."""
+    # Returns the fitted values and the remaining residuals.
     # The residuals are linear about ``at``. The priors have the mean ``unit`` and the inverse variance ``prior``.
     remaining, level, best = list(states), np.inf, at
     for _ in range(_ROUNDS):
@@ -286,7 +258,7 @@ def _least(
 
 
 def _with_weights(problem: Problem, states: Sequence[LinearStates], model_mm: Sequence[Array]) -> list[LinearStates]:
-    """Return residuals with new weights, computed from their size and from the error of the beam model."""
+    # The weights follow from the size of the residuals and from the error of the beam model.
     errors = _with_model(states, model_mm)
     scale = _independent(problem, states) / float(np.concatenate(errors).sum())
     return [
@@ -296,7 +268,7 @@ def _with_weights(problem: Problem, states: Sequence[LinearStates], model_mm: Se
 
 
 def _with_model(states: Sequence[LinearStates], model_mm: Sequence[Array]) -> list[Array]:
-    """Return the error of each load case in mm, from its residuals and the error of the beam model."""
+    # The error of each load case in mm, from its residuals and the error of the beam model.
     return [np.hypot(linear.error_mm, model) for linear, model in zip(states, model_mm, strict=True)]
 
 

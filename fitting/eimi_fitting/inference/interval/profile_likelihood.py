@@ -1,13 +1,12 @@
-"""Compute the ends of an interval by the profile likelihood, for objectives that are not quadratic.
+"""Compute the ends of asymmetric intervals by the profile likelihood."""
 
-The deviance D(x) of the unknowns x is twice the decrease of the log-likelihood from its maximum. The profile of unknown
-i is
-
-    D_i(t) = min of D(x) over all x with x_i = t
-
-(Raue et al. 2009, Bioinformatics 25:1923). Let H be the Hessian matrix of D / 2, and h the half-width of the interval
-that the covariance of the unknowns gives. The interval ends where D_i = h^2 / inv(H)_ii.
-"""
+# The deviance D(x) of the unknowns x is twice the decrease of the log-likelihood from its maximum. The profile of
+# unknown i is
+#
+#     D_i(t) = min of D(x) over all x with x_i = t
+#
+# (Raue et al. 2009, Bioinformatics 25:1923). Let H be the Hessian matrix of D / 2, and h the half-width of the interval
+# that the covariance of the unknowns gives. The interval ends where D_i = h^2 / inv(H)_ii.
 
 from __future__ import annotations
 
@@ -35,65 +34,46 @@ Deviance = Callable[[Array], tuple[Array, Array]]
 
 @dataclass(frozen=True)
 class Ends:
-    """The ends of the 95 % intervals of the n unknowns of a fit.
+    """The ends of the 95 % intervals of the unknowns of a fit."""
 
-    Parameters
-    ----------
-    low, high : ndarray, shape (n,)
-        Lower and upper ends, scaled to 0..1 between the bounds of the unknowns.
-    profiled : tuple of int
-        Indices of the unknowns with ends from the profile likelihood.
-    """
-
+    # (n,): scaled to 0..1 between the bounds of the unknowns.
     low: Array
     high: Array
+    # Indices of the unknowns with ends from the profile likelihood.
     profiled: tuple[int, ...]
 
 
 @dataclass
 class _End:
-    """One end of the interval of one unknown, during its iterative computation.
+    """One end of the interval of one unknown, during its iterative computation."""
 
-    Parameters
-    ----------
-    coordinate : int
-        Index of the unknown.
-    side : int
-        -1 for the lower end, 1 for the upper end.
-    target : float
-        The deviance that the end must have.
-    point : ndarray, shape (n,)
-        Estimate of the n unknowns at the end, scaled to 0..1 between their bounds.
-    deviance : float
-        Deviance at ``point``.
-    score : ndarray, shape (n,)
-        Gradient of half the deviance at ``point``.
-    inside, outside : float
-        Largest tried distance from the optimum inside the interval, and smallest tried distance outside.
-    """
-
+    # Index of the unknown.
     coordinate: int
+    # -1 for the lower end, 1 for the upper end.
     side: int
+    # The deviance that the end must have.
     target: float
+    # (n,): estimate of the unknowns at the end, scaled to 0..1 between their bounds.
     point: Array
+    # The deviance at `point`, and the gradient (n,) of half the deviance.
     deviance: float = np.inf
     score: Array | None = None
+    # Largest tried distance from the optimum inside the interval, and smallest tried distance outside.
     inside: float = 0.0
     outside: float = np.inf
 
     @property
     def off(self) -> float:
-        """The relative difference between the deviance and its target."""
         return abs(self.deviance / self.target - 1)
 
     @property
     def has_converged(self) -> bool:
-        """Whether the deviance agrees with its target, or the interval ends at a bound of the search."""
+        # At a bound of the search, the deviance may be smaller than its target.
         on_bound = not 0 < self.point[self.coordinate] < 1
         return self.off < _CONVERGED or (on_bound and self.deviance <= self.target)
 
     def advance(self, unit: Array, hessian: Array) -> None:
-        """Move the estimate of the interval's end to where the deviance should equal ``target``."""
+        # Move the estimate to where the deviance should equal the target.
         i = self.coordinate
         # ``hessian`` is the Hessian of half the deviance at the optimum.
         size = abs(self.point[i] - unit[i])
@@ -119,21 +99,10 @@ class _End:
 def interval_ends(
     deviance: Deviance, unit: Array, score: Array, hessian: Array, half_width: Array, checked: tuple[int, ...]
 ) -> Ends:
-    """Return the ends of the intervals of n unknowns of a fit, which are asymmetric if the deviance is not quadratic.
-
-    Parameters
-    ----------
-    deviance : callable
-        Converts P sets of unknowns (P, n) to deviances (P,) and gradients (P, n) of half the deviance.
-    unit : ndarray, shape (n,)
-        Fitted values of the unknowns, scaled to 0..1 between their bounds.
-    score, hessian : ndarray, shape (n,) and (n, n)
-        Gradient and Hessian of half the deviance at the optimum.
-    half_width : ndarray, shape (n,)
-        Half-widths of the intervals for a quadratic deviance.
-    checked : tuple of int
-        Indices of the unknowns whose intervals may be asymmetric.
-    """
+    """Return the ends of the intervals of the unknowns, which may be asymmetric."""
+    # There are n unknowns, scaled to 0..1 between their bounds. score (n,), hessian (n, n): of half the deviance at the
+    # optimum `unit`. half_width (n,): for a quadratic deviance. checked: indices of the unknowns whose intervals may be
+    # asymmetric.
     low, high = unit - half_width, unit + half_width
     if not checked:
         return Ends(low, high, ())
@@ -171,10 +140,8 @@ def _evaluate(deviance: Deviance, ends: Sequence[_End]) -> None:
 
 
 def moved_to(point: Array, score: Array, hessian: Array, i: int, to: float) -> Array:
-    """Return the minimum (n,) of a quadratic function in the unit cube if the coordinate ``i`` has the value ``to``.
-
-    ``score`` and ``hessian`` are the gradient and the Hessian of the function at ``point`` (n,).
-    """
+    """Minimise a quadratic function in the unit cube, with one coordinate fixed."""
+    # `score` and `hessian` are those of the function at `point`. Coordinate `i` has the value `to`.
     step = np.zeros(len(point))
     step[i] = np.clip(to, 0.0, 1.0) - point[i]
     free = np.arange(len(point)) != i
