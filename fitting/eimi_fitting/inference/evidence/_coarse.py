@@ -20,7 +20,7 @@ def on_coarse_mesh(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
 
 
 def coarsened(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
-    """Return the experiments with a coarse mesh of the beam and fewer points of each edge, for a fast first search."""
+    """Return the experiments with a coarse mesh of the beam and fewer points of each edge."""
     return tuple(dataclasses.replace(e, observed=_thinned(e.observed)) for e in on_coarse_mesh(experiments))
 
 

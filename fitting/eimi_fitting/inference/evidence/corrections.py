@@ -1,12 +1,11 @@
-"""Correct the residuals of a fit to those of an accurate beam model, which is solved only at the optimum.
+"""Correct the residuals of a fit to those of an accurate beam model, which is solved only at the optimum."""
 
-The search uses a fast model, with the residuals r(x) for the unknowns x and the optimum x_0. The accurate model has a
-finer mesh or three dimensions, and the residuals R(x). The fit is repeated with the residuals
-
-    r(x) + R(x_0) - r(x_0)
-
-(deferred correction; Stetter 1978, Numer. Math. 29:425).
-"""
+# The search uses a fast model, with the residuals r(x) for the unknowns x and the optimum x_0. The accurate model has a
+# finer mesh or three dimensions, and the residuals R(x). The fit is repeated with the residuals
+#
+#     r(x) + R(x_0) - r(x_0)
+#
+# (deferred correction; Stetter 1978, Numer. Math. 29:425).
 
 from __future__ import annotations
 
@@ -31,23 +30,15 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Refinement:
-    """An accurate beam model for an experiment: a finer planar mesh or a three-dimensional model.
+    """An accurate beam model for an experiment: a finer planar mesh or a three-dimensional model."""
 
-    Parameters
-    ----------
-    name : str
-        Name of the model in a result.
-    better : callable
-        Takes an experiment and returns it with the accurate model.
-    remaining_share : float
-        Error that remains in the parameters after the correction by the accurate model, divided by the correction.
-    doubt : str
-        Warning about a fit in which the accurate model has no equilibrium.
-    """
-
+    # Name of the model in a result.
     name: str
+    # Takes an experiment and returns it with the accurate model.
     better: Callable[[Experiment], Experiment]
+    # Error that remains in the parameters after the correction by the accurate model, divided by the correction.
     remaining_share: float
+    # Warning about a fit in which the accurate model has no equilibrium.
     doubt: str
 
 
@@ -85,7 +76,7 @@ def _solid(experiment: Experiment) -> Experiment:
 
 
 def polished(experiment: Experiment) -> Experiment:
-    """Return the experiment with the planar mesh that is used after the search, near its optimum."""
+    """Return the experiment with the planar mesh that is used after the search."""
     # It is the mesh of the planar model that a three-dimensional model contains.
     specimen = experiment.model.specimen
     return replace(experiment, model=_on_lines_of_solid(specimen)) if specimen.section == "solid" else experiment
@@ -124,34 +115,24 @@ def refinements(experiments: Sequence[Experiment]) -> tuple[Refinement, ...]:
 
 @dataclass(frozen=True)
 class Correction:
-    """The change of the residuals of a fit in mm, from the fast to the accurate beam model.
-
-    Parameters
-    ----------
-    refinement : Refinement
-        The accurate model.
-    changes : tuple of ndarray, shape (K, 2, m)
-        For each experiment, the change in K load cases at m points of the two edges (or in x and y).
-    better : Comparison
-        Residuals and shapes of the accurate model.
-    models : tuple of Model
-        The accurate model of each experiment.
-    effects : tuple of DepthEffect or None
-        For each experiment, displacements of the three-dimensional model minus those of the planar model.
-    """
+    """The change of the residuals of a fit in mm if an accurate beam model replaces the fast one."""
 
     refinement: Refinement
+    # (K, 2, m) for each experiment: change in K load cases at m points of the two edges (or in x and y).
     changes: tuple[Array, ...]
+    # Residuals and shapes of the accurate model.
     better: Comparison
+    # The accurate model of each experiment.
     models: tuple[Model, ...]
+    # For each experiment, displacements of the three-dimensional model minus those of the planar model.
     effects: tuple[DepthEffect | None, ...]
 
     def without_shapes(self) -> Correction:
-        """Return a copy that needs less memory: the simulated shapes of the beam are removed."""
+        """Return a copy without the simulated shapes of the beam, which needs less memory."""
         return replace(self, better=replace(self.better, shapes=()))
 
     def added(self, experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
-        """Add the change from the fast to the accurate beam model to the residuals of each experiment."""
+        """Add the change of the residuals to each experiment."""
         return tuple(
             replace(e, change=change if e.change is None else e.change + change)
             for e, change in zip(experiments, self.changes, strict=True)
@@ -161,13 +142,8 @@ class Correction:
 def with_residuals_of(
     better: Comparison, experiments: Sequence[Experiment], here: Comparison
 ) -> tuple[Experiment, ...]:
-    """Return the experiments, corrected so that the fast model has the residuals of the accurate model.
-
-    Parameters
-    ----------
-    better, here : Comparison
-        Residuals of the accurate model and of the fast model.
-    """
+    """Correct the experiments so that the fast beam model has the residuals of the accurate one."""
+    # `better` are the residuals of the accurate model, `here` those of the fast model.
     return tuple(
         replace(e, change=(0.0 if e.change is None else e.change) + finer.residuals[0] - plain.residuals[0])
         for e, finer, plain in zip(experiments, better.misfits, here.misfits, strict=True)
@@ -182,17 +158,10 @@ def correction(
     near: Sequence[Correction] = (),
     options: SolidOptions | None = None,
 ) -> Correction | None:
-    """Compute the change of the residuals of a fit from the fast to the accurate beam model.
-
-    Parameters
-    ----------
-    here : Comparison
-        Comparison of the fast model with the data, for the fitted parameters.
-    compare : callable
-        Function that makes the same comparison for given experiments, which contain their beam models.
-    near : sequence of Correction
-        Corrections of similar parameters. The solver of the three-dimensional model starts from their shapes.
-    """
+    """Compute the change of the residuals of a fit if an accurate beam model replaces the fast one."""
+    # here: comparison of the fast model with the data, for the fitted parameters. compare: makes the same comparison
+    # for given experiments, which contain their beam models. near: corrections of similar parameters; the solver of the
+    # three-dimensional model starts from their shapes.
     # Only the first set of parameters of ``here`` is used.
     options = options or SolidOptions()
     refined = [refinement.better(e) for e in experiments]
@@ -221,22 +190,9 @@ def by_better_model(
     near: Sequence[Correction] = (),
     options: SolidOptions | None = None,
 ) -> tuple[Misfit, Array, Correction | None] | None:
-    """Simulate one experiment with an accurate beam model, and return residuals, edges and correction.
-
-    Parameters
-    ----------
-    here : Comparison
-        Comparison of the fast model with the data, for the fitted parameters.
-    compare : callable
-        Function that makes the same comparison for given experiments, which contain their beam models.
-    near : sequence of Correction
-        Corrections of similar parameters. The solver of the three-dimensional model starts from their shapes.
-
-    Returns
-    -------
-    tuple or None
-        The edges have the shape (K, 2, S, 3, 2): K load cases, two edges, S segments, three points, x and y in mm.
-    """
+    """Simulate one experiment with an accurate beam model, and return residuals, edges and correction."""
+    # The parameters are those of `correction`. The edges have the shape (K, 2, S, 3, 2): K load cases, two edges, S
+    # segments, three points, x and y in mm.
     if here.unconverged[0]:
         return None
     (refinement,) = refinements([experiment])

@@ -32,7 +32,7 @@ TOLERANCE_MM = (
 
 @dataclass(frozen=True)
 class Experiment:
-    """One specimen under K load cases, with the measurements of each load case.
+    """One specimen under several loads, with the measurements of each load case.
 
     Parameters
     ----------
@@ -43,15 +43,16 @@ class Experiment:
     observed : EdgeObservation or PointObservation
         The measured edges or tracked points in the K load cases.
     change : ndarray, shape (K, 2, m), optional
-        Correction (mm) added to the residuals at m points of two edges, or in x and y of m points.
+        Correction (mm) added to the residuals at m points of two edges, or in x and y of m tracked points.
     solid : SolidBeside, optional
-        The three-dimensional model, which the solver uses if there is one.
+        A three-dimensional model, which then replaces the planar model in simulations.
     solid_options : SolidOptions, optional
         Options of the solver of the three-dimensional model.
     stated : tuple of StatedSource
-        The standard uncertainties of inputs, such as the width of the specimen, as the files specify them.
+        The standard uncertainties of inputs, such as the width of the specimen.
     measured : mapping of str to tuple of float
-        Measured deviations from the specified dimensions, by the name of the input. ``model`` contains them.
+        Measured deviations from the specified dimensions, by the name of the input. The ``model`` has the measured
+        dimensions.
 
     Examples
     --------
@@ -80,11 +81,11 @@ class Experiment:
 
     @property
     def solved(self) -> BeamModel | SolidBeside:
-        """The beam model that the solver uses, planar or three-dimensional."""
+        """The beam model of the simulations, planar or three-dimensional."""
         return self.solid or self.model
 
     def of_states(self, states: NDArray[np.intp]) -> Experiment:
-        """Return the experiment with only the load cases whose indices are ``states``."""
+        """Return the experiment with only some of its load cases, given by their indices."""
         return replace(
             self,
             loads=self.loads.take(states),
@@ -93,10 +94,8 @@ class Experiment:
         )
 
     def recorrected(self, misfit: Misfit, before: Experiment) -> Misfit:
-        """Return the residuals ``misfit`` with another correction for the error of the beam model.
-
-        before: the experiment whose correction the residuals contain; that of this experiment takes its place.
-        """
+        """Return residuals with the correction of this experiment in place of that of another experiment."""
+        # The experiment `before` is the one whose correction the residuals contain.
         # No simulation is needed, because the two experiments differ only in their corrections.
         difference = sum(
             (sign * e.change for sign, e in ((1, self), (-1, before)) if e.change is not None), start=np.zeros(1)
@@ -151,48 +150,38 @@ def _observed_of(
 
 @dataclass(frozen=True)
 class Comparison:
-    """Residuals and other results of P simulations of all experiments, each with one set of parameters.
+    """The residuals of simulations of all experiments with several candidate sets of parameters."""
 
-    Parameters
-    ----------
-    unconverged : ndarray of bool, shape (P,)
-        Whether a load case has no equilibrium.
-    unstable : ndarray of bool, shape (P,)
-        Whether the material is unstable in a load case.
-    max_stretch : ndarray, shape (P,)
-        Largest stretch in the beam.
-    shapes : tuple of Shapes
-        Simulated shapes of the beam in each experiment.
-    misfits : tuple of Misfit
-        Residuals of each experiment.
-    near : tuple of Shapes
-        Shapes in each experiment from which the solver can start.
-    """
+    # There are P candidates.
 
+    # (P,): whether a load case has no equilibrium, and whether the material is unstable in a load case.
     unconverged: NDArray[np.bool_]
     unstable: NDArray[np.bool_]
+    # (P,): largest stretch in the beam.
     max_stretch: Array
+    # Simulated shapes and residuals of each experiment.
     shapes: tuple[Shapes, ...]
     misfits: tuple[Misfit, ...]
+    # Shapes in each experiment from which the solver can start.
     near: tuple[Shapes, ...] = ()
 
     @property
     def error_mm(self) -> Array:
-        """Root mean square distance of measured points from P simulated beams in mm, in K load cases, (P, K)."""
+        """Root mean square residual in mm, for each candidate and load case."""
         return np.concatenate([misfit.error_mm for misfit in self.misfits], axis=1)
 
     @property
     def deviation_mm(self) -> Array:
-        """Standard deviation of the distances of measured points from P simulated beams in mm, K load cases, (P, K)."""
+        """Standard deviation of the residuals in mm, for each candidate and load case."""
         return np.concatenate([misfit.deviation_mm for misfit in self.misfits], axis=1)
 
     @property
     def objective_mm(self) -> Array:
-        """Mean of ``error_mm`` over all load cases in mm, shape (P,)."""
+        """Mean of ``error_mm`` over all load cases, for each candidate."""
         return np.where(self.unconverged | self.unstable, DISCARDED_MM, self.error_mm.mean(axis=1))
 
     def take(self, rows: NDArray[np.intp]) -> Comparison:
-        """Return only the simulations with the indices ``rows``."""
+        """Return the results of some of the candidates."""
         return Comparison(
             unconverged=self.unconverged[rows],
             unstable=self.unstable[rows],
@@ -204,7 +193,8 @@ class Comparison:
 
 
 def joined(parts: Sequence[tuple[NDArray[np.intp], Comparison]]) -> Comparison:
-    """Join the results of several groups of simulations, each with the indices of its simulations."""
+    """Join the results of several groups of candidates."""
+    # Each group comes with the indices of its candidates.
     if len(parts) == 1:
         return parts[0][1]
     order = np.argsort(np.concatenate([rows for rows, _ in parts]))
@@ -236,23 +226,12 @@ def compare(
     keep: bool = False,
     by_lens: Sequence[tuple[NDArray[np.intp], Sequence[Mapping[str, Array]]]] = (),
 ) -> Comparison:
-    """Simulate all experiments with P sets of the law's parameters, and compute the distances from the measurements.
-
-    Parameters
-    ----------
-    parameters : ndarray, shape (P, n)
-        P sets of the n parameters, in the order and units of the law.
-    bulk_modulus_Pa : ndarray, shape (P,), optional
-        Bulk moduli in Pa; by default the material is incompressible.
-    setups : sequence of Setup, optional
-        For each experiment, errors of the field strength and of the camera.
-    near : sequence of Shapes
-        For each experiment, shapes from which the solver starts.
-    keep : bool
-        Keep the solution of the first set, for ``near`` in another call.
-    by_lens : sequence of (ndarray, sequence of mapping), optional
-        Groups of sets with equal errors of the lens: the indices of the sets, and these errors in each experiment.
-    """
+    """Simulate all experiments with several candidate sets of parameters, and compute the residuals."""
+    # There are P candidates. parameters (P, n): in the order and units of the law. bulk_modulus_Pa (P,): None for an
+    # incompressible material. setups: for each experiment, errors of the field strength and of the camera. near: for
+    # each experiment, shapes from which the solver starts. keep: keep the solution of the first candidate, for `near`
+    # in another call. by_lens: groups of candidates with equal errors of the lens: the indices of the candidates, and
+    # these errors in each experiment.
     all_shapes, misfits = [], []
     unconverged, unstable = np.zeros((2, len(parameters)), bool)
     stretch = np.ones(len(parameters))
@@ -282,7 +261,6 @@ def _misfit(
     setup: Setup | None,
     by_lens: Sequence[tuple[NDArray[np.intp], Mapping[str, Array]]],
 ) -> Misfit:
-    """Return the distances of the measured points from the simulated edges or points."""
     model, change = experiment.solved, experiment.change
     if len(by_lens) < 2:
         through = experiment.under(by_lens[0][1]) if by_lens else experiment
@@ -305,7 +283,6 @@ def _solved(
     near: Configuration | None,
     keep: bool,
 ) -> Shapes:
-    """Return the simulated shapes of the beam for all sets of parameters."""
     # candidates that differ only in the position of the camera have the same shape; one of them is solved
     solved = row = np.arange(len(parameters))
     if setup is not None:

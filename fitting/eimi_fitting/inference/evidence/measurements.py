@@ -1,11 +1,10 @@
-"""Compute the distances of measured edges and tracked points from simulated edges and points.
+"""Compute the distances of measured edges and tracked points from simulated edges and points."""
 
-Let d_ki be the distance in mm of the measured point i in load case k, which has N_k points. Error and deviation of load
-case k, both in mm, are adapted from Eqs 9-11 of Di Lecce et al. 2022 (Front. Robot. AI 8:790571):
-
-    error_k     = sqrt(sum_i d_ki^2 / N_k)
-    deviation_k = sqrt(error_k^2 - (sum_i |d_ki| / N_k)^2)
-"""
+# Let d_ki be the distance in mm of the measured point i in load case k, which has N_k points. Error and deviation of
+# load case k, both in mm, are adapted from Eqs 9-11 of Di Lecce et al. 2022 (Front. Robot. AI 8:790571):
+#
+#     error_k     = sqrt(sum_i d_ki^2 / N_k)
+#     deviation_k = sqrt(error_k^2 - (sum_i |d_ki| / N_k)^2)
 
 from __future__ import annotations
 
@@ -27,11 +26,10 @@ Array = NDArray[np.float64]
 # derivatives of the residuals about four times too large, and the interval of the modulus a third as wide as it should
 # be.
 _CONTINUED = 0.05  # length of the straight continuation of an edge, as a share of the length of the edge
+# Number of load cases that are compared in one block. The arrays of more load cases exceed the processor's cache.
 _STATES_AT_ONCE = 16
-"""Number of states that are compared in one block, because the arrays of more states exceed the processor's cache."""
+# Number of pairs of a measured point and a point of a simulated edge in one block, which needs 2 MB of the cache.
 _PAIRS_AT_ONCE = 1 << 18
-"""Number of pairs of a measured point and a point of a simulated edge in one block. One block needs 2 MB of the
-cache."""
 
 __all__ = [
     "EdgeObservation",
@@ -45,20 +43,9 @@ __all__ = [
 
 
 def signed_distance(curves: Array, points: Array) -> Array:
-    """Return the signed distances of points from curves that are continued straight beyond their ends.
-
-    Parameters
-    ----------
-    curves : ndarray, shape (..., S, 3, 2)
-        Curves of S parabolic segments with three points each, x and y in mm.
-    points : ndarray, shape (..., n, 2)
-        n points for each curve, x and y in mm.
-
-    Returns
-    -------
-    ndarray, shape (..., n)
-        Distances in mm, positive to the left of the curve.
-    """
+    """Return the signed distances of points from curves that are continued straight beyond their ends."""
+    # curves (..., S, 3, 2): S parabolic segments with three points each, x and y in mm. points (..., n, 2): n points
+    # for each curve. The distances (..., n) are positive to the left of the curve.
     alone = np.broadcast_shapes(curves.shape[:-3], points.shape[:-2])
     curves = np.broadcast_to(curves, (*alone, *curves.shape[-3:])).reshape(-1, *curves.shape[-3:])
     points = np.broadcast_to(points, (*alone, *points.shape[-2:])).reshape(-1, *points.shape[-2:])
@@ -72,7 +59,6 @@ def signed_distance(curves: Array, points: Array) -> Array:
 
 
 def _signed_distance(curves: Array, points: Array) -> Array:
-    """Return the signed distances of points from curves in mm, positive to the left of the curve."""
     stations = points_on(curves, 4)
     segments = curves.shape[-3]
     # |p - v|² - |p|² has its minimum at the nearest station. It is one product of (x, y, 1) and (-2 x, -2 y, |v|²).
@@ -86,7 +72,7 @@ def _signed_distance(curves: Array, points: Array) -> Array:
     first, middle, last = np.moveaxis(curves, -2, 0)
 
     def of_nearest(of_segment: Array) -> tuple[Array, Array]:
-        """Return ``of_segment`` at the segment nearest to each point."""
+        # At the segment nearest to each point.
         # ``of_segment`` contains one vector for each segment, such as the tangent in its middle.
         # two arrays, because operations on an axis of length two are slower
         x, y = (np.take_along_axis(of_segment[..., i], segment, axis=-1) for i in range(2))
@@ -98,7 +84,7 @@ def _signed_distance(curves: Array, points: Array) -> Array:
     from_x, from_y = from_x - points[..., 0], from_y - points[..., 1]
 
     def gap_and_tangent(xi: Array) -> tuple[Array, Array, Array, Array]:
-        """Return the vector from each point to the curve, and the tangent of the curve there."""
+        # The vector from each point to the curve, and the tangent of the curve there.
         # ``xi`` is the position on the nearest segment, from -1 to 1.
         tangent_x, tangent_y = slope_x + xi * bend_x, slope_y + xi * bend_y
         gap_x = from_x + xi * (slope_x + 0.5 * xi * bend_x)
@@ -122,32 +108,25 @@ def _signed_distance(curves: Array, points: Array) -> Array:
 
 @dataclass(frozen=True)
 class Misfit:
-    """Distances of measured points from the simulated beam (residuals), for P sets of parameters and K load cases.
+    """The residuals of several simulations: the distances of measured points from the simulated beam."""
 
-    Parameters
-    ----------
-    residuals : ndarray, shape (P, K, G, n)
-        Signed residuals in mm of n points in G groups: the two edges, or x and y of tracked points.
-    weights : ndarray, shape (K, G, n)
-        1 for a point of an edge, 1/2 for a coordinate of a tracked point, 0 for an unused point.
-    error_mm : ndarray, shape (P, K)
-        Root mean square of the distances in mm.
-    deviation_mm : ndarray, shape (P, K)
-        Standard deviation of the absolute distances in mm.
-    """
+    # There are P candidate sets of parameters and K load cases.
 
+    # (P, K, 2, n): signed residuals in mm of n points of the two edges, or in x and y of n tracked points.
     residuals: Array
+    # (K, 2, n): 1 for a point of an edge, 1/2 for a coordinate of a tracked point, 0 for an unused point.
     weights: Array
+    # (P, K): root mean square of the distances, and standard deviation of their absolute values.
     error_mm: Array
     deviation_mm: Array
 
     def take(self, rows: NDArray[np.intp]) -> Misfit:
-        """Return the residuals for only the sets of parameters with the indices ``rows``."""
+        """Return the residuals of some of the candidate sets of parameters."""
         return Misfit(self.residuals[rows], self.weights, self.error_mm[rows], self.deviation_mm[rows])
 
 
 def joined_misfits(misfits: Sequence[Misfit]) -> Misfit:
-    """Join the distances of measured points from the simulated beam, for several groups of parameter sets."""
+    """Join the residuals of several groups of candidate sets of parameters."""
     return Misfit(
         residuals=np.concatenate([misfit.residuals for misfit in misfits]),
         weights=misfits[0].weights,
@@ -217,7 +196,7 @@ class EdgeObservation:
         return EdgeObservation(points, sigma, view)
 
     def of_states(self, states: NDArray[np.intp]) -> EdgeObservation:
-        """Return the measured edges in only the load cases whose indices are ``states``."""
+        """Return the measured edges in some of the load cases, given by their indices."""
         noise = None if self.noise_mm is None else self.noise_mm[states]
         return replace(self, points_mm=self.points_mm[states], sigma_mm=self.sigma_mm[states], noise_mm=noise)
 
@@ -226,8 +205,10 @@ class EdgeObservation:
 
         Parameters
         ----------
+        model : Model
+            The simulated beam model.
         shapes : Shapes
-            Simulated shapes of the beam for P sets of parameters and K load cases.
+            Simulated shapes of the beam, for each set of parameters and each load case.
         setup : Setup, optional
             Errors of the camera.
         change : ndarray, shape (K, 2, n), optional
@@ -249,7 +230,7 @@ class EdgeObservation:
         return self.of_residuals(residuals if change is None else residuals + change)
 
     def of_residuals(self, residuals: Array) -> Misfit:
-        """Return a `Misfit` with the signed distances ``residuals`` of edge points in mm; compute its other values."""
+        """Compute the root mean square and the standard deviation of signed distances (mm) of edge points."""
         weights = np.isfinite(self.sigma_mm).astype(float)
         total = np.maximum(weights.sum(axis=(1, 2)), 1.0)
         distance = np.abs(residuals)
@@ -290,7 +271,7 @@ class PointObservation:
     depth_mm: Array | None = None
 
     def of_states(self, states: NDArray[np.intp]) -> PointObservation:
-        """Return the tracked points in only the load cases whose indices are ``states``."""
+        """Return the tracked points in some of the load cases, given by their indices."""
         depth = None if self.depth_mm is None else self.depth_mm[states]
         return PointObservation(self.rest_mm[states], self.moved_mm[states], self.sigma_mm[states], depth)
 
@@ -299,8 +280,10 @@ class PointObservation:
 
         Parameters
         ----------
+        model : Model
+            The simulated beam model.
         shapes : Shapes
-            Simulated shapes of the beam for P sets of parameters and K load cases.
+            Simulated shapes of the beam, for each set of parameters and each load case.
         setup : Setup, optional
             Errors of the camera.
         change : ndarray, shape (K, 2, n), optional
@@ -320,7 +303,7 @@ class PointObservation:
         return self.of_residuals(residuals if change is None else residuals + change)
 
     def of_residuals(self, residuals: Array) -> Misfit:
-        """Return a `Misfit` with the position differences ``residuals`` in mm; compute its other values."""
+        """Compute the root mean square and the standard deviation of the distances (mm) of tracked points."""
         is_used = np.isfinite(self.sigma_mm).astype(float)
         distance = np.sqrt((residuals**2).sum(axis=2))
         total = np.maximum(is_used.sum(axis=1), 1.0)

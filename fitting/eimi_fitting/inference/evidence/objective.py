@@ -1,10 +1,9 @@
-"""Compute the objective of a fit: the quantity in mm that the fit minimises.
+"""Compute the objective of a fit: the quantity in mm that the fit minimises."""
 
-    objective = e * exp(sum_j z_j^2 / (2 N))
-
-e is the mean error of the load cases in mm (`inference.evidence.measurements`), and N the number of independent points
-of the edges. The z_j are residuals of tensile curves, uncertain inputs and priors, in standard deviations.
-"""
+#     objective = e * exp(sum_j z_j^2 / (2 N))
+#
+# e is the mean error of the load cases in mm (`inference.evidence.measurements`), and N the number of independent
+# points of the edges. The z_j are residuals of tensile curves, uncertain inputs and priors, in standard deviations.
 
 from __future__ import annotations
 
@@ -29,46 +28,38 @@ _MOST_MM = 0.99 * DISCARDED_MM  # largest objective of a valid candidate
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Residuals of all data and priors of a fit, for P sets of values of the unknowns.
+    """The residuals of all data and priors of a fit, for several candidate sets of parameters."""
 
-    Parameters
-    ----------
-    comparison : Comparison
-        Residuals of the measured edges and points.
-    curves : ndarray, shape (P, m)
-        Residuals of m points of the tensile curves, in standard deviations.
-    priors : ndarray, shape (P, f)
-        Deviations of f fitted inputs, such as the width, in standard deviations of their priors.
-    law_priors : ndarray, shape (P, q)
-        Residuals of q priors on the law's parameters, in standard deviations.
-    independent_points : float
-        Number of independent points of the edges.
-    """
+    # There are P candidates.
 
     comparison: Comparison
+    # (P, m): residuals of m points of the tensile curves, in standard deviations.
     curves: Array
+    # (P, f): deviations of f fitted inputs, such as the width, in standard deviations of their priors.
     priors: Array
+    # (P, q): residuals of q priors on the parameters of the law, in standard deviations.
     law_priors: Array
+    # Number of independent points of the edges.
     independent_points: float
 
     @property
     def unconverged(self) -> NDArray[np.bool_]:
-        """Whether a load case has no equilibrium, for each set of unknowns, shape (P,)."""
+        """For each candidate, whether a load case has no equilibrium."""
         return self.comparison.unconverged
 
     @property
     def unstable(self) -> NDArray[np.bool_]:
-        """Whether the material is unstable in a load case, for each set of unknowns, shape (P,)."""
+        """For each candidate, whether the material is unstable in a load case."""
         return self.comparison.unstable
 
     @property
     def standardised(self) -> Array:
-        """The residuals ``curves``, ``priors`` and ``law_priors`` side by side, in standard deviations."""
+        """The residuals of tensile curves and priors, in standard deviations."""
         return np.concatenate([self.curves, self.priors, self.law_priors], axis=1)
 
     @property
     def objective_mm(self) -> Array:
-        """The quantity in mm that a fit minimises, for each set of unknowns, shape (P,)."""
+        """The quantity in mm that a fit minimises, for each candidate."""
         # The likelihood of N independent points with normal noise, maximised over the noise level, is proportional to
         # e^-N (Seber and Wild 1989, Nonlinear Regression, section 2.2.1). The likelihood of tensile curves and priors
         # is exp(-sum_j z_j^2 / 2). The objective is the product of the two likelihoods to the power -1/N.
@@ -81,12 +72,12 @@ class Evaluation:
 
     @property
     def without_law_priors(self) -> Evaluation:
-        """The evaluation without the residuals of the priors on the law's parameters."""
+        """The evaluation without the residuals of the priors on the parameters of the law."""
         return replace(self, law_priors=self.law_priors[:, :0])
 
     @property
     def beyond(self) -> NDArray[np.bool_]:
-        """Whether tensile curves and priors contradict a set of unknowns very strongly, for P sets."""
+        """For each candidate, whether tensile curves and priors contradict it very strongly."""
         # The objective of such a set has its largest value.
         return self.objective_mm == _MOST_MM
 
@@ -110,21 +101,7 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class Problem:
-    """Everything that defines a fit: a hyperelastic law, the unknowns, the data and the priors.
-
-    Parameters
-    ----------
-    law : Law
-        The hyperelastic law.
-    unknowns : Unknowns
-        The quantities that the fit determines.
-    experiments : tuple of Experiment
-        The specimens with their loads and measurements.
-    curves : tuple of TensileEvidence
-        The tensile curves.
-    priors : tuple of Prior
-        Priors on the law's parameters.
-    """
+    """Everything that defines a fit: a hyperelastic law, the unknowns, the data and the priors."""
 
     law: Law
     unknowns: Unknowns
@@ -138,10 +115,8 @@ class Problem:
         return bool(self.unknowns.freed or self.curves or self.priors)
 
     def recorrected(self, evaluation: Evaluation, before: Problem) -> Evaluation:
-        """Convert an evaluation of the problem ``before`` to this problem.
-
-        The two problems differ only in the corrections of the residuals for the error of the beam model.
-        """
+        """Convert the residuals of a fit that differs only in the corrections for the error of the beam model."""
+        # `before` is the other fit. No simulation is needed.
         comparison = evaluation.comparison
         misfits = tuple(
             experiment.recorrected(misfit, earlier)
@@ -152,10 +127,8 @@ class Problem:
         return replace(evaluation, comparison=replace(comparison, misfits=misfits))
 
     def nearby(self, independent_points: float) -> Callable[[Array, Evaluation | None], Evaluation]:
-        """Return a function that evaluates sets of unknowns (P, n), with start values from an earlier evaluation.
-
-        independent_points: number of points with independent errors, on which the weight of the edges depends.
-        """
+        """Return a function that evaluates candidates, and can start from the result of earlier candidates."""
+        # Candidates have the shape (P, n). `independent_points` determines the weight of the edges.
         return lambda units, near: self.evaluate(
             units, independent_points, near=near.comparison.near if near else (), keep=True
         )
@@ -168,21 +141,10 @@ class Problem:
         near: Sequence[Shapes] = (),
         keep: bool = False,
     ) -> Evaluation:
-        """Return the residuals of all data and priors for P sets of values of the unknowns.
-
-        Parameters
-        ----------
-        unit : ndarray, shape (P, s) or (P, n)
-            P sets of all n unknowns or of the s unknowns of the law, scaled to 0..1 between their bounds.
-        independent_points : float
-            Number of independent points of the edges.
-        experiments : sequence of Experiment, optional
-            Experiments that replace those of the problem.
-        near : sequence of Shapes
-            For each experiment, shapes from which the solver starts.
-        keep : bool
-            Keep the solution of the first set, for ``near`` in another call.
-        """
+        """Return the residuals of all data and priors for several candidate sets of parameters."""
+        # unit: (P, n), or (P, s) for the s unknowns of the law; scaled to 0..1 between their bounds. experiments:
+        # replace those of the problem. near: for each experiment, shapes from which the solver starts. keep: keep the
+        # solution of the first candidate, for `near` in another call.
         # Uncertain inputs that ``unit`` does not contain have their specified values.
         unit = self.unknowns.whole(unit)
         parameters = self.unknowns.parameters(unit)

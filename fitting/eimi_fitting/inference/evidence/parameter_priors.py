@@ -1,8 +1,7 @@
-"""Normal priors on the parameters of a hyperelastic law.
+"""Normal priors on the parameters of a hyperelastic law."""
 
-A prior with the mean m and the standard deviation s adds the residual (p - m) / s of the parameter p to a fit (Theil
-and Goldberger 1961, Int. Econ. Rev. 2:65).
-"""
+# A prior with the mean m and the standard deviation s adds the residual (p - m) / s of the parameter p to a fit (Theil
+# and Goldberger 1961, Int. Econ. Rev. 2:65).
 
 from __future__ import annotations
 
@@ -18,8 +17,8 @@ from eimi_fitting.suggestion import suggestion
 
 Array = NDArray[np.float64]
 
+# Every law has this modulus besides its parameters.
 INITIAL_SHEAR_MODULUS = "initial_shear_modulus"
-"""Name of the initial shear modulus in a prior; every law has this modulus besides its parameters."""
 
 
 # A prior cannot correct the error of an input, such as a wrong width, if the input keeps its specified value in the
@@ -65,7 +64,7 @@ class Prior:
             )
 
     def standardised(self, law: Law, parameters: Array) -> Array:
-        """Return (p - mean) / standard_deviation for the parameter p of this prior, for P sets of parameters, (P,)."""
+        """Return the difference of the parameter from the mean of the prior, in standard deviations."""
         if self.parameter == INITIAL_SHEAR_MODULUS:
             values = law.initial_shear_modulus(parameters)
         else:
@@ -73,14 +72,14 @@ class Prior:
         return np.asarray((values - self.mean) / self.standard_deviation)
 
     def unit(self, law: Law) -> str:
-        """Return the unit of the prior's parameter: "Pa", or "1" for a parameter without a unit."""
+        """Return the unit of the parameter: "Pa", or "1" for a parameter without a unit."""
         if self.parameter == INITIAL_SHEAR_MODULUS:
             return "Pa"
         return law.units[law.parameter_names.index(self.parameter)]
 
 
 def check_priors(priors: Sequence[Prior], law: Law) -> None:
-    """Raise ValueError for a prior on a parameter that the law does not have, or if a parameter has two priors."""
+    """Raise ValueError for a prior on an unknown parameter, or for two priors on one parameter."""
     names = (*law.parameter_names, INITIAL_SHEAR_MODULUS)
     for index, prior in enumerate(priors):
         if prior.parameter not in names:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+# Half-width of the 95 % interval of a normal distribution, in standard deviations.
 NORMAL_95 = 1.959963984540054
-"""Half-width of the 95 % interval of a normal distribution, in standard deviations (1.96)."""
 
 
 @dataclass(frozen=True)
@@ -19,9 +19,9 @@ class Quantity:
     unit : str
         Unit of the value, ``"1"`` for a quantity without a unit.
     interval_95 : tuple of float
-        Lower and upper end of the 95 % interval from noise, mesh and all specified uncertainties, in the same unit.
+        Lower and upper end of the 95 % interval, in the same unit. It contains noise, mesh and all given uncertainties.
     interval_95_fit : tuple of float, optional
-        Lower and upper end of the 95 % interval from noise and mesh alone; None if this interval was not computed.
+        Lower and upper end of a 95 % interval that contains only noise and mesh.
 
     Examples
     --------

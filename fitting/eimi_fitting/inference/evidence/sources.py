@@ -1,4 +1,4 @@
-"""The inputs of a simulation that may be uncertain, such as the width of the specimen: one entry for each input.
+"""List the inputs of a simulation that may be uncertain, such as the width of the specimen.
 
 An input is uncertain if a file specifies its standard uncertainty. Either a fit determines the input together with the
 law, or the uncertainty widens the intervals of the result.
@@ -28,7 +28,7 @@ File = Literal["specimen", "calibration", "rig"]
 
 @dataclass(frozen=True, kw_only=True)
 class Source:
-    """An input of a simulation that may be uncertain, such as the width, and its effect.
+    """An input of a simulation that may be uncertain, such as the width of the specimen.
 
     Parameters
     ----------
@@ -94,20 +94,12 @@ class Source:
 
 @dataclass(frozen=True)
 class StatedSource:
-    """The standard uncertainty of one input, as a file specifies it.
-
-    Parameters
-    ----------
-    source : str
-        Name of the input, such as "width".
-    standard_uncertainty : float
-        Standard uncertainty in the unit of the input.
-    of : str
-        Name of the object to which the input belongs, such as a coil.
-    """
+    """The standard uncertainty of one input, such as the width, in a file."""
 
     source: str
+    # In the unit of the input.
     standard_uncertainty: float
+    # Name of the object to which the input belongs, such as a coil.
     of: str
 
 
@@ -133,7 +125,7 @@ def _magnified(deviation: Array) -> tuple[Array, Array]:
 
 
 def _gravity_turned(loads: Loads, deviation: Array) -> Loads:
-    """Return the loads with gravity and tip forces rotated by an angle in degrees."""
+    # The angle is in degrees. Tip forces are rotated, too.
     turn = _rotation(deviation[0]).T
     return replace(loads, gravity=loads.gravity @ turn, tip_force_N=loads.tip_force_N @ turn)
 
@@ -143,32 +135,26 @@ def _field_turned(loads: Loads, deviation: Array) -> Loads:
 
 
 def _seen_from_turned_axis(loads: Loads, deviation: Array) -> Loads:
-    """Return the loads relative to a beam that is rotated in the image: all loads are rotated the other way."""
+    # The beam is rotated in the image. In its frame, all loads are rotated the other way.
     return _gravity_turned(_field_turned(loads, -deviation), -deviation)
 
 
 def _field_offset(loads: Loads, deviation: Array) -> Loads:
-    """Return the loads plus a field in mT in the direction of the strongest field."""
+    # The added field in mT has the direction of the strongest field.
     strongest = loads.field_T[np.argmax(np.linalg.norm(loads.field_T, axis=1))]
     size = float(np.linalg.norm(strongest))
     return replace(loads, field_T=loads.field_T + 1e-3 * deviation[0] * strongest / size) if size else loads
 
 
 def _background_field(loads: Loads, deviation: Array) -> Loads:
-    """Return the loads plus a uniform field (x, y) in mT in all load cases."""
+    # A uniform field (x, y) in mT.
     return loads.plus(UniformField(np.tile(1e-3 * deviation, (len(loads), 1))))
 
 
 def with_gradient(loads: Loads, added_per_m: Array, curvature_per_m2: float = 0.0) -> Loads:
-    """Return the loads with a changed gradient and a changed curvature of the field.
-
-    Parameters
-    ----------
-    added_per_m : ndarray, shape (2,)
-        Changes of the gradient of the relative field strength along and across the straight beam, in 1/m.
-    curvature_per_m2 : float
-        Change of half the second derivative of the relative field strength along the coil axis, in 1/m².
-    """
+    """Return the loads with a changed gradient and a changed curvature of the magnetic field."""
+    # added_per_m (2,): changes of the gradient of the relative field strength along and across the straight beam.
+    # curvature_per_m2: change of half the second derivative of the relative field strength along the coil axis.
     strongest = loads.field_T[np.argmax(np.linalg.norm(loads.field_T, axis=1))]
     size = float(np.linalg.norm(strongest))
     if not size:
@@ -395,10 +381,7 @@ SOURCES: dict[str, Source] = {
 
 
 def specimen_under(before: Specimen, deviations: Mapping[str, Array]) -> Specimen:
-    """Return the specimen with changed dimensions and material properties.
-
-    deviations: deviations (parts,) from the specified values, by the name of the input, such as "width".
-    """
+    """Return the specimen after changes of its dimensions and material properties, such as the width."""
     specimen = before
     for key, deviation in deviations.items():
         if change := SOURCES[key].specimen:
@@ -411,10 +394,7 @@ def specimen_under(before: Specimen, deviations: Mapping[str, Array]) -> Specime
 
 
 def loads_under(loads: Loads, deviations: Mapping[str, Array]) -> Loads:
-    """Return the loads with changed gravity and field.
-
-    deviations: deviations (parts,) from the specified values, by the name of the input, such as "gravity".
-    """
+    """Return the loads after changes of their inputs, such as the direction of gravity."""
     for key, deviation in deviations.items():
         if change := SOURCES[key].loads:
             loads = change(loads, deviation)
@@ -422,10 +402,7 @@ def loads_under(loads: Loads, deviations: Mapping[str, Array]) -> Loads:
 
 
 def view_under(view: View, deviations: Mapping[str, Array]) -> View:
-    """Return the view of the lens with a changed distance and tilt.
-
-    deviations: changes of the inputs by name, such as "tilt", with one value for each component of the input.
-    """
+    """Return the view of the lens after changes of its distance and tilt."""
     for key, deviation in deviations.items():
         if change := SOURCES[key].lens:
             view = change(view, deviation)

@@ -1,12 +1,11 @@
-"""Tensile curves (stress against strain) as data in a fit to measured edges.
+"""Tensile curves (stress against strain) as data in a fit to measured edges."""
 
-A fit of the law to the curve alone gives the standard deviation s of the noise. tau neighbouring points count as one
-independent point. Point i with the residual r_i in Pa has the standardised residual
-
-    z_i = sqrt(w / tau) r_i / s
-
-with the weight w of the curve.
-"""
+# A fit of the law to the curve alone gives the standard deviation s of the noise. tau neighbouring points count as one
+# independent point. Point i with the residual r_i in Pa has the standardised residual
+#
+#     z_i = sqrt(w / tau) r_i / s
+#
+# with the weight w of the curve.
 
 from __future__ import annotations
 
@@ -54,31 +53,18 @@ class TensileCurve:
 
 @dataclass(frozen=True)
 class TensileEvidence:
-    """A tensile curve (stress against strain) with the noise of the measured stress.
-
-    Parameters
-    ----------
-    curve : TensileCurve
-        The curve.
-    noise_Pa : float
-        Standard deviation of the noise in Pa.
-    correlation_rows : float
-        Number of neighbouring points that count as one independent point.
-    """
+    """A tensile curve (stress against strain) with the noise of the measured stress."""
 
     curve: TensileCurve
+    # Standard deviation of the noise.
     noise_Pa: float
+    # Number of neighbouring points that count as one independent point.
     correlation_rows: float
 
     @staticmethod
     def of(curve: TensileCurve, model: str) -> TensileEvidence:
-        """Estimate the noise of a tensile curve from the fit of the law with the name ``model`` to this curve.
-
-        Raises
-        ------
-        CannotFit
-            If the curve has too few points, or if all stresses are zero.
-        """
+        """Estimate the noise of a tensile curve from the fit of a law to this curve."""
+        # `model` is the name of the law. Raises CannotFit if the curve has too few points, or if all stresses are zero.
         largest = float(np.abs(curve.stress_Pa).max(initial=0.0))
         if largest == 0.0:
             raise CannotFit("every stress is zero, but a fit needs stresses that are not zero")
@@ -90,10 +76,10 @@ class TensileEvidence:
         return TensileEvidence(curve, float(noise), alone.correlation_rows)
 
     def residuals_Pa(self, law: Law, parameters: Array) -> Array:
-        """Return computed minus measured stress in Pa for P sets of parameters and m points of the curve, (P, m)."""
+        """Return computed minus measured stress in Pa."""
         return engineering_stress(law, parameters, self.curve.strain) - self.curve.stress_Pa
 
     def standardised(self, law: Law, parameters: Array) -> Array:
-        """Return the stress residuals in standard deviations, for P sets of parameters and m points, (P, m)."""
+        """Return the residuals of the stress in standard deviations."""
         scale = np.sqrt(self.curve.weight / self.correlation_rows) / self.noise_Pa
         return scale * self.residuals_Pa(law, parameters)

@@ -1,9 +1,8 @@
-"""The unknowns of a fit: the parameters of the hyperelastic law, the bulk modulus and uncertain inputs.
+"""The unknowns of a fit: the parameters of the hyperelastic law, the bulk modulus and uncertain inputs."""
 
-The unknown of an input is its deviation from the specified value. It has a normal prior with the mean 0 and the
-standard deviation s (Theil and Goldberger 1961, Int. Econ. Rev. 2:65). Each unknown is scaled to a coordinate u from 0
-to 1; the deviation of an input is 12 s (u - 1/2).
-"""
+# The unknown of an input is its deviation from the specified value. It has a normal prior with the mean 0 and the
+# standard deviation s (Theil and Goldberger 1961, Int. Econ. Rev. 2:65). Each unknown is scaled to a coordinate u from
+# 0 to 1; the deviation of an input is 12 s (u - 1/2).
 
 from __future__ import annotations
 
@@ -63,65 +62,46 @@ class NuisancePrior:
 
 @dataclass(frozen=True)
 class Nuisance:
-    """The deviation of an input from its specified value, as an unknown of a fit.
+    """The error of an uncertain input, such as the width, as an unknown of a fit."""
 
-    Parameters
-    ----------
-    name : str
-        Name of the unknown in a result.
-    source : str
-        Name of the input, such as "width".
-    part : int
-        Index of the component, such as 1 for y.
-    datasets : tuple of int
-        Indices of the datasets with this deviation.
-    spread : float
-        Standard deviation of the prior, in the unit of the input.
-    """
-
+    # Name of the unknown in a result.
     name: str
+    # Name of the input, such as "width".
     source: str
+    # Index of the component, such as 1 for y.
     part: int
+    # Indices of the datasets with this error.
     datasets: tuple[int, ...]
+    # Standard deviation of the prior, in the unit of the input.
     spread: float
 
     @property
     def unit(self) -> str:
-        """The unit of the deviation of this input, such as mm or degrees."""
+        """The unit of the input, such as mm or degrees."""
         return SOURCES[self.source].unit
 
     def value(self, unit_coordinate: Array) -> Array:
-        """Convert a coordinate of the search (0 to 1) into the error of the input, in the unit of the input."""
+        """Convert a coordinate of the search (0 to 1) into the error of the input."""
         return 2 * RANGE * self.spread * (unit_coordinate - 0.5)
 
 
 @dataclass(frozen=True)
 class Setup:
-    """Errors of the field strength and of the camera in one experiment, for P sets of values of the unknowns.
+    """Errors of the field strength and of the camera in one experiment, for several candidate sets of unknowns."""
 
-    Parameters
-    ----------
-    field_factor : ndarray, shape (P,)
-        Factor on the magnetic loads.
-    linear, shift_mm : ndarray, shape (P, 2, 2) and (P, 2)
-        The position in the image is ``linear`` times the true position (x, y), plus ``shift_mm``, in mm.
-    """
+    # There are P candidates.
 
+    # (P,): factor on the magnetic loads.
     field_factor: Array
+    # (P, 2, 2) and (P, 2): the position in the image is `linear` times the true position (x, y), plus `shift_mm`, in
+    # mm.
     linear: Array
     shift_mm: Array
 
     @staticmethod
     def of(deviations: Iterable[tuple[str, int, Array | float]], candidates: int) -> Setup:
-        """Return how errors of inputs change the magnetic loads and the positions in the image.
-
-        Parameters
-        ----------
-        deviations : iterable of (str, int, ndarray or float)
-            Name of an input, index of its component (1 for y), and its error in P sets of unknowns, shape (P,).
-        candidates : int
-            Number P of sets.
-        """
+        """Compute how errors of inputs change the magnetic loads and the positions in the image."""
+        # deviations: name of an input, index of its component (1 for y), and its error for P candidates, (P,).
         values: dict[str, Array] = {}
         for source, part, value in deviations:
             parts = values.setdefault(source, np.zeros((candidates, len(SOURCES[source].parts))))
@@ -138,57 +118,41 @@ class Setup:
         return Setup(factor, linear, shift)
 
     def take(self, rows: Rows) -> Setup:
-        """Return the values for the candidates with the indices ``rows``."""
+        """Return the values for some of the candidates."""
         return Setup(self.field_factor[rows], self.linear[rows], self.shift_mm[rows])
 
     def corrected(self, places_mm: Array) -> Array:
-        """Return true positions of points from positions in the image, for P sets of unknowns, (P, ..., 2) in mm."""
+        """Return true positions of points from positions in the image."""
+        # (P, ..., 2) for P candidates.
         lead = (len(self.shift_mm),) + (1,) * (places_mm.ndim - 1)
         moved = places_mm - self.shift_mm.reshape(*lead, 2)
         return np.einsum("pij,p...j->p...i", np.linalg.inv(self.linear), moved)
 
     def imaged(self, places_mm: Array) -> Array:
-        """Return positions of points in the image from their true positions in mm, for the first set of unknowns."""
+        """Return positions of points in the image from their true positions."""
+        # For the first candidate.
         return np.asarray(places_mm @ self.linear[0].T + self.shift_mm[0])
 
 
 def freed_number(name: str) -> tuple[str, int]:
-    """Return the uncertain input and the index of its component, from the name of an unknown in a result.
-
-    For example, "clamp y of dataset 0" gives "clamp" and 1.
-
-    Raises
-    ------
-    KeyError
-        For an unknown name.
-    """
+    """Convert the name of an unknown, such as "clamp y of dataset 0", into "clamp" and the index of y."""
+    # Raises KeyError for an unknown name.
     part_name = name.partition(" of dataset")[0]
     return {part: (key, i) for key, source in SOURCES.items() for i, part in enumerate(source.parts)}[part_name]
 
 
 @dataclass(frozen=True)
 class SharedUnknowns:
-    """An uncertain input whose error is equal in a group of datasets.
-
-    Parameters
-    ----------
-    source : str
-        Name of the input, such as "width".
-    datasets : tuple of int
-        Indices of the datasets.
-    standard_uncertainty : float or None
-        Standard uncertainty in the unit of the input.
-    """
+    """An uncertain input whose error is equal in a group of datasets."""
 
     source: str
     datasets: tuple[int, ...]
+    # In the unit of the input.
     standard_uncertainty: float | None
 
     def part_name(self, part: int, datasets: int) -> str:
-        """Return the name of one component of this input in a result, such as "clamp y of datasets 0 and 2".
-
-        ``part`` is the index of the component, and ``datasets`` the number of datasets of the fit.
-        """
+        """Return the name of one component of this input, such as "clamp y of datasets 0 and 2"."""
+        # `part` is the index of the component, and `datasets` the number of datasets of the fit.
         # The name contains no datasets if all of them have the same error.
         name = SOURCES[self.source].parts[part]
         if len(self.datasets) == datasets:
@@ -198,15 +162,8 @@ class SharedUnknowns:
 
 
 def shared(source: str, stated: Sequence[Sequence[StatedSource]]) -> tuple[SharedUnknowns, ...]:
-    """Divide the datasets of a fit into groups in which the error of an input is equal.
-
-    Parameters
-    ----------
-    source : str
-        Name of the input, such as "width".
-    stated : sequence of sequence of StatedSource
-        The uncertainties that the files of each dataset specify.
-    """
+    """Divide the datasets of a fit into groups in which the error of an input is equal."""
+    # `stated` are the uncertainties that the files of each dataset specify.
     # Datasets whose files specify the same object for the input, such as the same coil, form a group.
     groups: dict[str, list[int]] = {}
     sizes: dict[str, float | None] = {}
@@ -222,22 +179,9 @@ def shared(source: str, stated: Sequence[Sequence[StatedSource]]) -> tuple[Share
 def nuisances(
     priors: Sequence[NuisancePrior], datasets: int, stated: Sequence[Sequence[StatedSource]] | None = None
 ) -> tuple[Nuisance, ...]:
-    """Return the deviations of uncertain inputs from their specified values, as unknowns of a fit.
-
-    Parameters
-    ----------
-    priors : sequence of NuisancePrior
-        The inputs, with their prior standard deviations.
-    datasets : int
-        Number of datasets.
-    stated : sequence of sequence of StatedSource, optional
-        The uncertainties that the files of each dataset specify.
-
-    Raises
-    ------
-    ValueError
-        If an input has no standard deviation above 0.
-    """
+    """Return the errors of uncertain inputs as unknowns of a fit."""
+    # `datasets` is their number, and `stated` are the uncertainties that their files specify. Raises ValueError if an
+    # input has no standard deviation above 0.
     freed: list[Nuisance] = []
     for prior in priors:
         for group in shared(prior.kind, stated or [()] * datasets):
@@ -256,19 +200,13 @@ def nuisances(
 
 @dataclass(frozen=True)
 class Unknowns:
-    """The unknowns of a fit: parameters of the law, the bulk modulus and uncertain inputs.
+    """The unknowns of a fit: parameters of the law, the bulk modulus and uncertain inputs."""
 
-    P sets of values of the n unknowns are an array of shape (P, n), scaled to 0..1.
+    # P sets of values of the n unknowns are an array of shape (P, n), scaled to 0..1.
 
-    Parameters
-    ----------
-    space : SearchSpace
-        The unknowns of the law and the bulk modulus.
-    freed : tuple of Nuisance
-        The deviations of uncertain inputs, such as the width.
-    """
-
+    # The unknowns of the law and the bulk modulus.
     space: SearchSpace
+    # The errors of uncertain inputs, such as the width.
     freed: tuple[Nuisance, ...] = ()
 
     @property
@@ -278,21 +216,21 @@ class Unknowns:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names of all unknowns, in the order of their coordinates."""
+        """The names of all unknowns."""
         return (*self.space.names, *(nuisance.name for nuisance in self.freed))
 
     def modulus_percent(self, moved: float) -> float:
-        """Return the change of the modulus in per cent if its scaled coordinate (0 to 1) changes by ``moved``."""
+        """Return the change of the modulus in per cent for a change of its scaled value (0 to 1)."""
         return 100 * float(np.expm1(moved * np.log(self.space.upper[0] / self.space.lower[0])))
 
     @property
     def ratios(self) -> tuple[str, ...]:
-        """Names of the fitted inputs that multiply the magnetic load, such as the moment of the magnet."""
+        """The names of the fitted inputs that multiply the magnetic load, such as the moment of the magnet."""
         return tuple(nuisance.name for nuisance in self.freed if SOURCES[nuisance.source].field)
 
     @property
     def prior(self) -> Array:
-        """The inverse prior variance of each of the n scaled unknowns, shape (n,)."""
+        """The inverse prior variance of each scaled unknown."""
         # An unknown of the law has the variance of a uniform distribution between the bounds of the search.
         precision = np.full(len(self.names), 1 / _BOUNDS_VARIANCE)
         # the coordinate of an uncertain input covers 2 RANGE prior standard deviations
@@ -300,31 +238,25 @@ class Unknowns:
         return precision
 
     def whole(self, unit: Array) -> Array:
-        """Return P sets of all n scaled unknowns, (P, n).
-
-        unit: the first columns of these sets. The inputs that they do not contain get their stated values.
-        """
+        """Add the missing uncertain inputs, with their given values, to the scaled unknowns of the law."""
         unit = np.atleast_2d(unit)
         missing = len(self.names) - unit.shape[1]
         return np.concatenate([unit, np.full((len(unit), missing), 0.5)], axis=1)
 
     def parameters(self, unit: Array) -> Array:
-        """Return the m parameters of the law, (P, m), from P sets of scaled unknowns (P, n)."""
+        """Convert scaled unknowns to parameters of the law."""
         return self.space.parameters(unit[:, : self.searched])
 
     def bulk_modulus_Pa(self, unit: Array) -> Array | None:
-        """Return the bulk moduli (P,) in Pa from P sets of scaled unknowns (P, n)."""
+        """Convert scaled unknowns to bulk moduli in Pa."""
         return self.space.bulk_modulus_Pa(unit[:, : self.searched])
 
     def standardised(self, unit: Array) -> Array:
-        """Return the deviations of the f fitted inputs from their stated values, in standard uncertainties, (P, f).
-
-        unit: the scaled unknowns (0 to 1) of P candidates.
-        """
+        """Return the errors of the fitted inputs in prior standard deviations."""
         return np.asarray(2 * RANGE * (unit[:, self.searched :] - 0.5))
 
     def setups(self, unit: Array, datasets: int) -> list[Setup] | None:
-        """Return the errors of field strength and camera in each dataset, for P sets (P, n) of scaled unknowns."""
+        """Return the errors of field strength and camera in each dataset."""
         if not self.freed:
             return None
         values = [(n, n.value(unit[:, column])) for column, n in enumerate(self.freed, self.searched)]
@@ -334,28 +266,15 @@ class Unknowns:
         ]
 
     def grouped_by_beam(self, unit: Array, datasets: int) -> list[tuple[Rows, list[dict[str, Array]]]]:
-        """Group candidates with equal values of the unknown specimen and loads, which are simulated together.
-
-        unit: the scaled unknowns of P candidates, (P, n). datasets: number of datasets.
-
-        Returns
-        -------
-        list of (ndarray, list of dict)
-            For each group, the indices of its sets; for each dataset, the error of each input, one value per component.
-        """
+        """Group candidates with the same specimen and loads, which are simulated together."""
+        # For each group, the result contains the indices of its candidates and, for each dataset, the error of each
+        # input, one value per component.
         # One call of the solver simulates a whole group, with a factor on the magnetic loads for each set.
         return self._grouped(unit, datasets, lambda source: source.changes_experiment and source.lens is None)
 
     def grouped_by_lens(self, unit: Array, datasets: int) -> list[tuple[Rows, list[dict[str, Array]]]]:
-        """Group candidates with equal values of the unknown distance and tilt of the lens.
-
-        unit: the scaled unknowns of P candidates, (P, n). datasets: number of datasets.
-
-        Returns
-        -------
-        list of (ndarray, list of dict)
-            For each group, the indices of its sets; for each dataset, the error of each input, one value per component.
-        """
+        """Group candidates with the same distance and tilt of the lens."""
+        # The result has the form of that of `grouped_by_beam`.
         return self._grouped(unit, datasets, lambda source: source.lens is not None)
 
     def _grouped(
