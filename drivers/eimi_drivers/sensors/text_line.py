@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 from typing import ClassVar
 
 from eimi_drivers.interfaces import Identity, InstrumentTimeout, SensorReading
@@ -31,10 +32,8 @@ class TextLine(SensorBase):
         """
         if self._bound is None:
             for _ in range(STARTS_WITHIN_S - 1):
-                try:
+                with suppress(InstrumentTimeout):
                     return super().identify()
-                except InstrumentTimeout:
-                    continue
         return super().identify()
 
     def read(self) -> SensorReading:
