@@ -2,26 +2,35 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from contextlib import contextmanager
+from dataclasses import replace
+from importlib.metadata import EntryPoints
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from eimi_drivers import discovery, installed
 from eimi_drivers.cameras.settings import CameraSettings
 from eimi_drivers.cameras.timed import TimedCamera
 from eimi_drivers.clock import SimulatedClock
-from eimi_drivers.emulators import sensor_session, serve
+from eimi_drivers.emulators import gige_features, sensor_session, serve
 from eimi_drivers.emulators.aim_tti import MX100TP, QL355TP, AimTtiDialect
-from eimi_drivers.emulators.faults import Fault
+from eimi_drivers.emulators.faults import Fault, FaultyInstrument
 from eimi_drivers.emulators.sensor_session import EmulatedSensorSession
 from eimi_drivers.emulators.sensors import SensorFault, TextLineDialect
+from eimi_drivers.emulators.serve import emulate
+from eimi_drivers.emulators.spoiling import begin_fault, end_faults
 from eimi_drivers.emulators.supply import CoilSupply
 from eimi_drivers.interfaces import (
     InstrumentDisconnected,
     InstrumentError,
     Limits,
+    Off,
+    Reading,
     SetPointNotTaken,
     SwitchOffFailed,
 )
@@ -30,7 +39,7 @@ from eimi_drivers.supplies import SUPPLIES, visa
 from eimi_drivers.supplies.aim_tti import ERRORS, ERRORS_OF_QL, SERIES, Series
 from eimi_drivers.supplies.foreign import ForeignSupply
 from eimi_drivers.supplies.transport import InProcessTransport, SerialTransport
-from eimi_drivers.testing import CAMERA_CHECKS, check_camera, check_sensor
+from eimi_drivers.testing import CAMERA_CHECKS, check_camera, check_sensor, check_supply, supply_bench
 from eimi_drivers.testing.claims import within
 from eimi_drivers.testing.sensor_checks import SENSOR_CHECKS
 from tests.drivers.test_words_of_checks import Good
@@ -268,3 +277,142 @@ def test_a_set_point_outside_the_range_of_a_series_names_the_range(model: Any, c
     with pytest.raises(InstrumentError, match=words):
         supply.set_voltage(17.0)
     supply.set_voltage(14.0)
+
+
+@pytest.mark.parametrize("fault", [Fault.SILENCE, Fault.GARBAGE, Fault.PARTIAL, Fault.SLEEP])
+def test_a_fault_of_the_line_lasts_until_it_ends(fault: Fault) -> None:
+    coil = CoilSupply(SimulatedClock())
+    line = FaultyInstrument(emulate("scpi", coil), coil.clock)
+    begin_fault(fault, "scpi", coil, line)
+    assert line.receive(b"*OPC?;OUTP?\n") != b"1;0\n"
+    end_faults(coil, line)
+    assert line.receive(b"*OPC?;OUTP?\n") == b"1;0\n"
+
+
+@pytest.mark.parametrize(
+    ("description", "number", "words"),
+    [
+        ("USB Serial", "A7", "USB Serial, serial number A7"),
+        ("USB Serial", None, "USB Serial"),
+        ("USB Serial", "", "USB Serial"),
+        (None, "A7", "serial port, serial number A7"),
+        ("n/a", None, "serial port"),
+    ],
+)
+def test_a_port_is_described_with_its_serial_number(description: str | None, number: str | None, words: str) -> None:
+    assert discovery._described(description, number) == words
+
+
+@pytest.mark.parametrize(
+    ("address", "host"),
+    [
+        ("TCPIP::10.0.0.7::INSTR", "10.0.0.7"),
+        ("tcpip0::here::5025::SOCKET", "here"),
+        ("TCPIP::here", "TCPIP::here"),
+        ("USB0::1::2::INSTR", "USB0::1::2::INSTR"),
+    ],
+)
+def test_the_host_of_a_resource(address: str, host: str) -> None:
+    assert discovery._host(address) == host
+
+
+def test_the_values_of_an_emulated_coil_that_nobody_gives() -> None:
+    coil = CoilSupply(SimulatedClock())
+    coil.set_voltage(30.0)
+    coil.set_current(5.0)
+    assert not coil.set_voltage(30.01)
+    assert not coil.set_current(5.01)
+    coil.switch(True)
+    coil.clock.sleep(0.05)
+    assert coil.coil_current_A() == pytest.approx(5.0 * (1 - math.exp(-1.0)), rel=1e-9)
+    coil.clock.sleep(1000.0)
+    assert coil.read() == Reading(pytest.approx(5.0, rel=1e-12), pytest.approx(20.0, rel=1e-12))  # type: ignore[arg-type]
+    assert coil.heating_K() == 0.0
+
+
+def test_what_a_supply_was_before_it_was_switched_off_is_false_unless_it_is_known() -> None:
+    assert Off(0.001, 0.02).found_off is False
+    assert SwitchOffFailed("words").current_A is None
+
+
+def test_the_description_of_the_emulated_camera_has_every_row_and_a_global_shutter() -> None:
+    assert gige_features.describe() == gige_features.describe(1, "Global")
+    assert gige_features.describe(2, "Global") != gige_features.describe() != gige_features.describe(1, "Rolling")
+
+
+def test_a_voltage_that_is_not_taken_is_named_as_it_was_sent() -> None:
+    clock = SimulatedClock()
+    coil = CoilSupply(clock, max_voltage_V=2.0)
+    line = InProcessTransport(emulate("bk-xln", coil), clock, "here")
+    supply = SUPPLIES["bk-xln"](line, Limits(1.0, 12.0), clock)
+    with pytest.raises(SetPointNotTaken, match=r"^here: voltage was set to 3\.14 V but reads back 0 V$"):
+        supply.set_voltage(3.14159)
+
+
+@pytest.mark.parametrize(("share", "passes"), [(1.00012, True), (1.00014, False), (0.99988, True), (0.99986, False)])
+def test_a_sensor_may_be_off_by_a_ten_thousandth_and_a_thousandth_of_its_unit(share: float, passes: bool) -> None:
+    # The largest value of the check is 29.9, for which 4 digits after the decimal point are sent: 2.99e-3 + 1e-3.
+    class Differs(SENSORS["text-line"]):  # type: ignore[misc]
+        def read(self) -> Any:
+            reading = super().read()
+            return replace(reading, value=reading.value * share)
+
+    checks = [check for check in SENSOR_CHECKS if check.__name__ == "reads_values_of_either_sign"]
+    if passes:
+        check_sensor(Differs, TextLineDialect, checks=checks)
+        return
+    with pytest.raises(AssertionError, match=r"read\(\) should return the true value 29\.9, not"):
+        check_sensor(Differs, TextLineDialect, checks=checks)
+
+
+def test_a_supply_is_given_5_s_for_an_answer() -> None:
+    with supply_bench(SUPPLIES["scpi"], lambda coil: emulate("scpi", coil)) as bench:
+        assert bench.answer_within_s == 5.0
+    seen: list[float] = []
+    for given in ({}, {"answer_within_s": 7.0}):
+        check_supply(
+            SUPPLIES["scpi"],
+            lambda coil: emulate("scpi", coil),
+            checks=[lambda bench: seen.append(bench.answer_within_s)],
+            **given,
+        )
+    assert seen == [5.0, 7.0]
+
+
+def test_a_camera_that_gives_no_frame_after_it_was_opened_again_fails_its_checks() -> None:
+    opened: list[Any] = []
+
+    class Once(Good):
+        def __init__(self, source: Any, settings: CameraSettings) -> None:
+            super().__init__(source, settings)
+            opened.append(self)
+
+        def grab(self, timeout_s: float) -> Any:
+            if len(opened) > 1 and not self.closed:
+                raise InstrumentError("no frame any more")
+            return super().grab(timeout_s)
+
+    for name in ("is_closed_when_it_is_closed", "refuses_a_setting_that_cannot_be"):
+        opened.clear()
+        checks = [check for check in CAMERA_CHECKS if check.__name__ == name]
+        with pytest.raises(AssertionError, match="no frame any more"):
+            check_camera(Once, 0, checks=checks)
+
+
+def test_the_drivers_of_another_package_are_those_of_its_group(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[str] = []
+
+    def entries(group: str) -> EntryPoints:
+        asked.append(group)
+        return EntryPoints()
+
+    monkeypatch.setattr(installed, "entry_points", entries)
+    drivers: Any = installed.Drivers("supply", "the.group", {})
+    with pytest.raises(InstrumentError):
+        drivers["other"]
+    assert set(asked) == {"the.group"}
+
+
+def test_the_description_of_the_emulated_camera_is_as_accepted() -> None:
+    accepted = (Path(__file__).parent / "accepted" / "genicam.xml").read_text(encoding="utf-8")
+    assert gige_features.describe(2, "Rolling").split() == accepted.split()
