@@ -5,17 +5,21 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import matplotlib
 import numpy as np
 import pytest
 
-from eimi_lab.study import pages
+from eimi_lab.showing.drawing import STYLE
+from eimi_lab.study import figures, pages
 from eimi_lab.study.claims import in_words, verdicts
 from eimi_lab.study.extent import SECTIONS, Extent
 from eimi_lab.study.paper_tables import advantages, all_tables
 from eimi_lab.study.whole_study import Findings, StudyInputs
+from tests.lab.printed.described import described, differences
 
 MATERIALS = ("dragon_skin_10", "ecoflex_00_50")
 KINDS = ("type1", "type2", "type3", "type4")
@@ -35,14 +39,24 @@ def law(name: str, modulus_kPa: float, source: str = "bending", window: str = ""
 def searched(name: str, modulus_kPa: float, number: int, not_fixed: tuple[str, ...] = ()) -> dict[str, Any]:
     counts = {"evaluations": 300 + number, "generations": 20 + number, "unconverged": 3 + number, "unstable": 2}
     errors = {"mean_error_mm": 1e-3 * (2.5 + number), "mean_deviation_mm": 1e-3 * (1.25 + number)}
-    return law(name, modulus_kPa, **counts, **errors, not_fixed=not_fixed)
+    return law(name, modulus_kPa, **counts, **errors, not_fixed=not_fixed, max_stretch=1.2 + 0.01 * number)
 
 
 def error(size_um: float | None, growth: float = 1.0) -> dict[str, Any]:
     if size_um is None:
         return {"error_mm": None, "deviation_mm": None, "edges_mm": None}
     by_state = 1e-3 * size_um * np.array([0.5, 1.0, 1.1, growth, 1.3 * growth])
-    return {"error_mm": by_state.tolist(), "deviation_mm": (0.4 * by_state).tolist(), "edges_mm": [[[0.0, 0.0]]]}
+    return {
+        "error_mm": by_state.tolist(),
+        "deviation_mm": (0.4 * by_state).tolist(),
+        "edges_mm": edges(size_um).tolist(),
+    }
+
+
+def edges(size: float) -> np.ndarray:
+    """Return both edges of a bent beam (mm)."""
+    x = np.linspace(0.0, 20.0, 6)
+    return np.array([np.stack([x, side + 0.01 * size * x**2], axis=1) for side in (1.5, -1.25)])
 
 
 def invented(kinds: tuple[str, ...] = KINDS, answers: bool = True) -> Findings:
@@ -76,7 +90,10 @@ def invented(kinds: tuple[str, ...] = KINDS, answers: bool = True) -> Findings:
                 ]
     fields = {key: np.array([0.0, 2.0, 4.0, 6.0, 8.0]) for key in MATERIALS}
     extent = Extent(MATERIALS, kinds, tuple(VALUES), 5, (20.0, None))
-    return Findings(StudyInputs(extent), fields, {}, bending, tensile, errors, questions() if answers else {})
+    measured = {
+        (key, kind): np.array([edges(0.0), edges(1.0 + k)]) for key in MATERIALS for k, kind in enumerate(kinds)
+    }
+    return Findings(StudyInputs(extent), fields, measured, bending, tensile, errors, questions() if answers else {})
 
 
 def questions() -> dict[str, Any]:
@@ -168,8 +185,8 @@ def check(text: str, name: str, folder: Path) -> None:
 
 def page(findings: Findings) -> str:
     claims, tables = pages.claims_table(verdicts(findings)), all_tables(findings)
-    figures = {"errors.png": b"", "stress_strain.png": b""}
-    return pages._page(findings, claims, tables, figures, in_words(findings))
+    pictures = {"errors.png": b"", "stress_strain.png": b""}
+    return pages._page(findings, claims, tables, pictures, in_words(findings))
 
 
 def test_the_page_of_a_whole_study_is_as_accepted(tmp_path: Path) -> None:
@@ -234,3 +251,21 @@ def test_a_claim_that_is_not_confirmed_has_a_reason_that_depends_on_the_section(
         assert len(planar) == len(solid) == 1
         assert planar != solid
         assert all("only" in words for words in solid)
+
+
+def test_the_figures_of_invented_results_are_as_accepted(tmp_path: Path) -> None:
+    findings = invented(KINDS[:3], answers=False)
+    inputs = replace(findings.inputs, extent=replace(findings.inputs.extent, materials=MATERIALS[1:]))
+    findings = replace(findings, inputs=inputs)
+    with matplotlib.rc_context(STYLE):
+        drawn = {
+            "stress": figures._stress_strain(findings),
+            "boxes": figures._boxes(findings),
+            "overlays": figures._overlays(findings),
+            "by field": figures._by_field(findings),
+        }
+        lines = [" ".join(line.split()) for name, drawing in drawn.items() for line in described(drawing, name)]
+    (tmp_path / "figures.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    known = (Path(__file__).parent / "study" / "figures.txt").read_text(encoding="utf-8").splitlines()
+    wrong = differences(lines, known, relative=1e-3, absolute=1e-3)
+    assert not wrong, "\n".join([*wrong, f"the new description is {tmp_path / 'figures.txt'}"])
