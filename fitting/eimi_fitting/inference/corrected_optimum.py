@@ -49,44 +49,28 @@ _LOOSE = 1e-2  # share of the objective at which a polish stops before the corre
 
 @dataclass(frozen=True)
 class SearchEnd:
-    """The optimum of a fit, and the intervals of its unknowns.
+    """The optimum of a fit, and the intervals of its unknowns."""
 
-    Parameters
-    ----------
-    problem : Problem
-        The fit, whose residuals are corrected for the errors of the beam model.
-    optimum : Optimum
-        The optimum of the unknowns.
-    effects : tuple of Effect
-        Change of the optimum by each correction.
-    max_stretch : float
-        Largest stretch of the beam.
-    polish : Polish
-        The first run of Gauss-Newton.
-    estimate : Estimate
-        The unknowns with their intervals.
-    prior_distances : tuple of float
-        Distance of each prior's mean from the value that all other data give, in standard deviations.
-    not_considered : tuple of str
-        One sentence for each uncertain input that the intervals do not contain.
-    """
-
+    # Its residuals are corrected for the errors of the beam model.
     problem: Problem
     optimum: Optimum[Evaluation]
+    # Change of the optimum by each correction.
     effects: tuple[Effect, ...]
+    # Largest stretch of the beam.
     max_stretch: float
+    # The first run of Gauss-Newton.
     polish: Polish
     estimate: Estimate
+    # Distance of each prior's mean from the value that all other data give, in standard deviations.
     prior_distances: tuple[float, ...]
+    # One sentence for each uncertain input that the intervals do not contain.
     not_considered: tuple[str, ...]
 
 
 def refine(problem: Problem, unit: Array, seed: int) -> SearchEnd:
-    """Compute the optimum of a fit and its intervals, starting from the result of the global search.
-
-    unit: the n unknowns at the start, (n,), from 0 to 1 between their bounds. seed: for the random draws of the
-    intervals.
-    """
+    """Compute the optimum of a fit and its intervals, starting from the result of the global search."""
+    # unit (n,): the unknowns at the start, scaled to 0..1 between their bounds. seed: for the random draws of the
+    # intervals.
     names = [refinement.name for refinement in refinements(problem.experiments)]
     if SOLID in refinements(problem.experiments):
         # The planar model has the mesh of the three-dimensional model, which corrects it.
@@ -114,7 +98,7 @@ def refine(problem: Problem, unit: Array, seed: int) -> SearchEnd:
 
 
 def _valid(problem: Problem, unit: Array) -> Array:
-    """Return values of the n unknowns near ``unit`` for which the beam is stable; ``unit`` itself if none is found."""
+    # Find values near `unit` for which the beam is stable; without success, return `unit` itself.
     # The search used a coarse mesh. A finer mesh has larger stretches, at which the law may be unstable. All unknowns
     # but the first, the modulus, are moved toward the middle of their ranges.
     toward = np.full(len(unit), 0.5)
@@ -129,7 +113,6 @@ def _valid(problem: Problem, unit: Array) -> Array:
 def _polished(
     problem: Problem, unit: Array, start: tuple[Evaluation, Array] | None = None, enough: float = ENOUGH
 ) -> Optimum[Evaluation]:
-    """Return the optimum of a fit by Gauss-Newton, starting from the values ``unit`` of the n unknowns, (n,)."""
     if not problem.has_more_than_edges:
         return polish(problem.nearby(1.0), unit, start, enough)
     # The weight of curves and priors depends on the number of independent points, which follows from the residuals at
@@ -150,7 +133,7 @@ def _polished(
 def _with_finer_meshes(
     problem: Problem, coarse: Problem, optimum: Optimum[Evaluation]
 ) -> tuple[Problem, Optimum[Evaluation], tuple[Effect, ...], Array]:
-    """Fit with two finer meshes in turn; return fit, optimum, change of the optimum, and largest stretch, (1,)."""
+    # Fit with two finer meshes in turn. The last result is the largest stretch, (1,).
     plain = _alone(problem, optimum.unit, problem.experiments, keep=True)
     # A beam without an equilibrium on a finer mesh is not corrected.
     if plain.unconverged[0]:
@@ -168,7 +151,7 @@ def _with_finer_meshes(
 def _with_residuals_of(
     better: Comparison, now: Problem, optimum: Optimum[Evaluation]
 ) -> tuple[Problem, Optimum[Evaluation]]:
-    """Replace the residuals of a fit by those of a finer mesh; return the fit and its optimum."""
+    # Replace the residuals of a fit by those of a finer mesh.
     experiments = with_residuals_of(better, now.experiments, optimum.evaluation.comparison)
     return _with_change(replace(now, experiments=experiments), now, optimum)
 
@@ -176,7 +159,6 @@ def _with_residuals_of(
 def _with_solids(
     problem: Problem, optimum: Optimum[Evaluation]
 ) -> tuple[Problem, Optimum[Evaluation], tuple[Effect, ...]]:
-    """Correct the residuals by three-dimensional models; return fit, optimum, and changes of the optimum."""
     # The solid comes first. The optimum of the planar model alone compensates for the depth by a wrong law, and the
     # finer mesh may find no equilibrium for such a law.
     plain = problem.experiments
@@ -191,10 +173,8 @@ def _with_solids(
 
 
 def _with_depth(problem: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem, Optimum[Evaluation], list[Effect]]:
-    """Correct a fit with the planar model by the solid model, in up to three passes.
-
-    The result is the corrected fit, its optimum, and the change of the optimum (empty if the solid has no equilibrium).
-    """
+    # Correct a fit with the planar model by the solid model, in up to three passes. There are no effects if the solid
+    # has no equilibrium.
     corrected, first, solid = problem, optimum.unit, None
     moved = np.inf
     for passes in range(_MOST_PASSES):
@@ -221,7 +201,7 @@ def _with_depth(problem: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem
 
 
 def _with_change(changed: Problem, now: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem, Optimum[Evaluation]]:
-    """Return the fit ``changed`` and its optimum; the search begins at the optimum of the fit ``now``."""
+    # The search for the optimum of `changed` begins at the optimum of the fit `now`.
     start = changed.recorrected(optimum.evaluation, now), optimum.distance
     return changed, _polished(changed, optimum.unit, start)
 
@@ -241,7 +221,7 @@ def _change(
 def _alone(
     problem: Problem, unit: Array, experiments: Sequence[Experiment], near: Sequence[Shapes] = (), keep: bool = False
 ) -> Comparison:
-    """Simulate the beam for the values ``unit`` of the unknowns, (n,), and compare it with the measurements."""
+    # Simulate the beam for one set of unknowns, (n,).
     # Other rounding errors, as in a simulation of several sets, would disturb the small differences between two beam
     # models.
     return problem.evaluate(unit[None], 1.0, experiments, near, keep).comparison

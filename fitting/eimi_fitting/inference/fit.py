@@ -27,25 +27,26 @@ class IdentifiedLaw(Estimate):
 
     Parameters
     ----------
-    mean_error_mm, mean_deviation_mm : float
-        Means over the load states, in mm: the root mean square distance of measured from simulated points, and the
-        standard deviation of these distances.
+    mean_error_mm : float
+        Root mean square distance of measured from simulated points in mm, as the mean of all load cases.
+    mean_deviation_mm : float
+        Standard deviation of these distances in mm, as the mean of all load cases.
     max_stretch : float
-        Largest stretch of the beam, computed with planar models.
+        Largest stretch of the beam in planar models.
     priors : tuple of Prior
-        Priors on the law's parameters.
+        Priors on the parameters of the law.
     doubts : tuple of Doubt
         Reasons to distrust the result.
     causes : tuple of Cause
-        Possible causes of the residuals, such as an error of the width, the most probable first.
+        Possible causes of the residuals, such as a wrong width, the most probable first.
     evaluations, discarded, stop, runs, history
-        History of the search, see `SearchResult`.
+        Record of the search.
     generations : int
         Number of generations of the search.
     polish : Polish
         The first run of Gauss-Newton after the search.
     seed : int
-        Seed of the search and of the random draws for the intervals.
+        Seed of the random numbers.
     wall_s : float
         Duration of the fit in seconds.
     """
@@ -70,27 +71,27 @@ class IdentifiedLaw(Estimate):
 
 @dataclass(frozen=True, kw_only=True)
 class Fit(IdentifiedLaw):
-    """An identified hyperelastic law, with the residuals at the optimum for K measured load states.
+    """An identified hyperelastic law, with the residuals at the optimum.
 
-    It also has the fields of `IdentifiedLaw` and `Estimate`.
+    It also has the fields of `IdentifiedLaw` and `Estimate`. There are K load cases.
 
     Parameters
     ----------
     law : Law
         The hyperelastic law.
-    error_mm, deviation_mm : ndarray, shape (K,)
-        For each load state, in mm: the root mean square distance of measured from simulated points, and the standard
-        deviation of these distances.
+    error_mm : ndarray, shape (K,)
+        Root mean square distance of measured from simulated points in each load case, in mm.
+    deviation_mm : ndarray, shape (K,)
+        Standard deviation of these distances in each load case, in mm.
     residuals_mm : tuple of ndarray, shape (K, 2, m)
-        Residuals in mm of each experiment in K states, at m points of the two edges or in x and y of m tracked points;
-        NaN for points that were not measured.
+        Residuals of each experiment in mm, at m points of the two edges or in x and y of m tracked points. They are NaN
+        for points that were not measured.
     curves : tuple of TensileEvidence
         The tensile curves with their noise.
     curve_rmse_Pa : tuple of float
         Root mean square residual of each tensile curve, in Pa.
     prior_distances : tuple of float
-        For each prior on a parameter, the difference between the value that all other data give and the mean of the
-        prior, in standard deviations.
+        Distance of each prior from the value that all other data give, in standard deviations.
     stable_to : float or None
         Largest stretch up to which the law is stable; None if the law is stable up to ``stability_checked_to``.
     stability_checked_to : float
@@ -122,5 +123,5 @@ class Fit(IdentifiedLaw):
 
     @property
     def values(self) -> Array:
-        """The values of the n parameters of the law, shape (n,), in the order and the units of the law."""
+        """The values of the parameters, in the order and the units of the law."""
         return np.array([quantity.value for quantity in self.parameters.values()])

@@ -92,9 +92,21 @@ def identify(
     tensile : sequence of TensileCurve
         Tensile curves to fit together with the experiments.
     priors : sequence of Prior
-        Priors on the law's parameters.
-    seed, population, most_generations, restarts, bipop, replay, progress
-        Options of the search, see `inference.searching.search.search`.
+        Priors on the parameters of the law.
+    seed : int
+        Seed of the random numbers.
+    population : int, optional
+        Number of candidate sets of parameters in a generation of the search.
+    most_generations : int
+        Largest number of generations in one run of the search.
+    restarts : int
+        Number of further runs of the search, each with twice as many candidates as the run before.
+    bipop : bool
+        Whether runs with few candidates follow each restart.
+    replay : sequence of Objectives
+        Results of an interrupted search, which are not computed again.
+    progress : callable, optional
+        Called after each generation with its results.
     possible_causes : sequence of PossibleCause
         Possible errors of the experiment, such as a tilted camera, that are compared with the residuals. Without them,
         the fit reports no cause of the residuals, and takes half of the time or less.
@@ -107,19 +119,19 @@ def identify(
     Raises
     ------
     NamedCause
-        If no material explains the measurement, and a mistake in the loads is the reason.
+        If no material explains the measurement because of a mistake in the loads.
     NothingActs
-        If no load bends the specimen in any state.
+        If no load bends the specimen.
     NothingConverged
         If the beam could not be simulated with any values of the parameters.
     NotExplained
-        If the simulated edges of a state are far from the measured edges.
+        If the simulated edges of a load case are far from the measured edges.
     NotDetermined
-        If there is one state only and it does not determine the modulus.
+        If there is only one load case and it does not determine the modulus.
     CannotFit
         If the law cannot be fitted to a tensile curve.
     OtherSearch
-        If ``replay`` contains the objectives of another search.
+        If ``replay`` contains the results of another search.
     ValueError
         If the bulk modulus is free and a section is not in plane strain, if an input in ``free`` has no standard
         uncertainty, or if the law does not have the parameter of a prior.
@@ -256,7 +268,6 @@ def _problem(
 
 
 def _search(coarse: Problem, independent_points: float, **options: Any) -> SearchResult:
-    """Search on a coarse mesh; raise NothingConverged if no parameters give a beam in equilibrium."""
     result = search(
         lambda units: coarse.evaluate(units, independent_points),
         coarse.unknowns.searched,

@@ -1,14 +1,13 @@
-"""Compare hyperelastic laws that were fitted to the same data, by the information criteria AICc and BIC.
+"""Compare hyperelastic laws that were fitted to the same data, by the information criteria AICc and BIC."""
 
-A fit has N independent points on the edges with the root mean square residual E, and n_i independent rows of each
-tensile curve with the residual E_i. Let M = N + sum n_i, S the sum of squared deviations from priors and stated values
-in standard uncertainties, and k the number of unknowns and noise levels. Then
-
-    -2 log L = 2 N log(E) + 2 sum n_i log(E_i) + S + constant
-    AICc = -2 log L + 2 k + 2 k (k + 1) / (M - k - 1),    BIC = -2 log L + k log(M)
-
-(Burnham and Anderson 2002, Model Selection and Multimodel Inference; Schwarz 1978, Ann. Statist. 6:461).
-"""
+# A fit has N independent points on the edges with the root mean square residual E, and n_i independent rows of each
+# tensile curve with the residual E_i. Let M = N + sum n_i, S the sum of squared deviations from priors and stated
+# values in standard uncertainties, and k the number of unknowns and noise levels. Then
+#
+#     -2 log L = 2 N log(E) + 2 sum n_i log(E_i) + S + constant
+#     AICc = -2 log L + 2 k + 2 k (k + 1) / (M - k - 1),    BIC = -2 log L + k log(M)
+#
+# (Burnham and Anderson 2002, Model Selection and Multimodel Inference; Schwarz 1978, Ann. Statist. 6:461).
 
 from __future__ import annotations
 
@@ -22,58 +21,36 @@ _LEAST_ROOM = 1.0  # independent points beyond the number of unknowns and one, a
 
 @dataclass(frozen=True)
 class Candidate:
-    """A fitted hyperelastic law in a comparison of laws.
+    """A fitted hyperelastic law in a comparison of laws."""
 
-    Attributes
-    ----------
-    model : str
-        Name of the law.
-    unknowns : int
-        Number of unknowns.
-    errors : tuple of (float, float)
-        Number of independent points and root mean square residual: of the edges (mm), and of each tensile curve (Pa).
-    held_out_error_mm : float or None
-        Mean error of load cases that were omitted from the fit.
-    stated_squares : float
-        Sum of the squared deviations from priors and stated values, in standard uncertainties.
-    """
-
+    # Name of the law, and number of its unknowns.
     model: str
     unknowns: int
+    # Number of independent points and root mean square residual: of the edges (mm), and of each tensile curve (Pa).
     errors: tuple[tuple[float, float], ...]
+    # Mean error of load cases that were omitted from the fit.
     held_out_error_mm: float | None = None
     # The inputs are fitted with the law. If they were fixed, a wrong width would favour a law that imitates its effect.
+    # Sum of the squared deviations from priors and stated values, in standard uncertainties.
     stated_squares: float = 0.0
 
 
 @dataclass(frozen=True)
 class Choice:
-    """The result for one hyperelastic law in a comparison of laws.
+    """The result for one hyperelastic law in a comparison of laws."""
 
-    Attributes
-    ----------
-    model : str
-        Name of the law.
-    unknowns : int
-        Number of unknowns.
-    independent_points : float
-        Number of independent points of the edges and tensile curves.
-    aicc : float or None
-        AICc minus the smallest AICc; None with too few data.
-    bic : float
-        BIC minus the smallest BIC.
-    weight : float or None
-        Akaike weight (Burnham and Anderson 2002, Eq. 2.9).
-    held_out_error_mm : float or None
-        Mean error of load cases that were omitted from the fit.
-    """
-
+    # Name of the law, and number of its unknowns.
     model: str
     unknowns: int
+    # Of the edges and tensile curves.
     independent_points: float
+    # AICc minus the smallest AICc; None with too few data.
     aicc: float | None
+    # BIC minus the smallest BIC.
     bic: float
+    # Akaike weight (Burnham and Anderson 2002, Eq. 2.9).
     weight: float | None
+    # Mean error of load cases that were omitted from the fit.
     held_out_error_mm: float | None
 
 

@@ -1,7 +1,4 @@
-"""Estimate the error of a modulus if an incompressible law is fitted to a compressible material.
-
-A beam of the compressible material is simulated, and an incompressible model is fitted to its outline.
-"""
+"""Estimate the error of a modulus if an incompressible law is fitted to a compressible material."""
 
 from __future__ import annotations
 
@@ -20,7 +17,7 @@ _STEP = 0.02  # of the logarithm of the modulus, for the difference quotient
 
 
 def bulk_ratio(poisson_ratio: float) -> float:
-    """Return bulk modulus / shear modulus, 2 (1 + nu) / (3 (1 - 2 nu)), for a Poisson's ratio nu < 0.5."""
+    """Return the ratio of bulk modulus to shear modulus for a Poisson's ratio."""
     return 2 * (1 + poisson_ratio) / (3 * (1 - 2 * poisson_ratio))
 
 

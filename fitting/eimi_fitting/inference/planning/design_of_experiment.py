@@ -1,16 +1,18 @@
 """Choose the load cases to measure next, so that the interval of a modulus or law parameter becomes narrow.
 
-The edges are simulated with the law of an earlier fit. The covariance of the unknowns of the law is
-
-    inv(H) (t^2 A + P) inv(H) + S S',    A = w sum J'J,    H = A + P,    S = inv(H) w sum J'C,
-
-where the sums extend over the edge points of the chosen load cases, and
-
-- J is the derivative of an edge point by the unknowns,
-- C is the change of an edge point by one standard uncertainty of each uncertain input,
-- w is the inverse variance of an edge point, and P the inverse prior covariance of the unknowns,
-- t is the 97.5 % quantile of Student's distribution, divided by that of the normal distribution.
+The edges are simulated with the law of an earlier fit.
 """
+
+# The covariance of the unknowns of the law is
+#
+#     inv(H) (t^2 A + P) inv(H) + S S',    A = w sum J'J,    H = A + P,    S = inv(H) w sum J'C,
+#
+# where the sums extend over the edge points of the chosen load cases, and
+#
+# - J is the derivative of an edge point by the unknowns,
+# - C is the change of an edge point by one standard uncertainty of each uncertain input,
+# - w is the inverse variance of an edge point, and P the inverse prior covariance of the unknowns,
+# - t is the 97.5 % quantile of Student's distribution, divided by that of the normal distribution.
 
 from __future__ import annotations
 
@@ -49,13 +51,13 @@ _FIT_ALONG = 26  # elements along `BeamModel.refined`, the mesh of the final fit
 
 @dataclass(frozen=True)
 class KnownLaw:
-    """A hyperelastic law with the n parameters (n,) of an earlier fit."""
+    """A hyperelastic law with the parameters of an earlier fit."""
 
     law: Law
     parameters: Array
 
     def unknowns(self) -> tuple[Unknowns, Array]:
-        """Return the unknowns of a fit of the law, and their values for ``parameters``, (n,), scaled to 0..1."""
+        """Return the unknowns of a fit of this law, and their values (from 0 to 1) for the known parameters."""
         modulus = float(self.law.initial_shear_modulus(self.parameters))
         space = search_space(self.law)
         # The bounds are 1.5 decades below and above the modulus of the earlier fit.
@@ -119,30 +121,30 @@ class EdgeNoise:
 
 @dataclass(frozen=True)
 class Candidates:
-    """The S load cases from which a plan chooses, with the information of their edges about n unknowns of the law.
+    """The load cases from which a plan chooses, with the derivatives of their edges.
 
-    The goal of the plan is the initial shear modulus or a parameter of the law.
+    The plan makes the interval of one quantity narrow: the initial shear modulus or a parameter of the law.
 
     Attributes
     ----------
     loads : Loads
-        The loads of the S load cases.
+        The S load cases.
     states : ndarray of int, shape (S,)
-        Index of each load case in the list of all possible load cases, some of which have no equilibrium.
+        Index of each load case in the list of all possible load cases.
     normal : ndarray, shape (S, n, n)
-        Hessian of minus the log-likelihood of the edges.
+        Hessian of minus the log-likelihood of the edges by the n unknowns of the law.
     source_score : ndarray, shape (S, n, c)
-        Change of the gradient by one standard uncertainty of each of c inputs.
+        Change of the gradient of the log-likelihood by one standard uncertainty of each of c inputs.
     sources : tuple of str
-        Names of the c inputs.
+        Names of the inputs.
     prior : ndarray, shape (n, n)
         Inverse prior covariance of the unknowns.
     goal : ndarray, shape (n,)
-        Derivative of the goal by the unknowns, divided by the goal.
+        Relative derivative of the quantity by the unknowns.
     points : float
         Number of independent edge points in a load case.
     irreducible : float
-        Relative standard deviation of the goal due to the error of the beam model.
+        Relative standard deviation of the quantity due to the error of the beam model.
     """
 
     loads: Loads
@@ -159,7 +161,7 @@ class Candidates:
         return len(self.normal)
 
     def variance(self, choices: Choice) -> Array:
-        """Return the relative variance of the modulus or law parameter, (D,), for D choices of load cases (D, K)."""
+        """Return the relative variance of the modulus or law parameter, for several choices of load cases."""
         information, source_score = self.normal[choices].sum(axis=1), self.source_score[choices].sum(axis=1)
         goal = np.tile(self.goal, (len(choices), 1))[..., None]
         direction = np.linalg.solve(information + self.prior, goal)[..., 0]
@@ -184,7 +186,7 @@ class Candidates:
         return {name: float(value) for name, value in zip(self.sources, effect, strict=True)}
 
     def _widened(self, states: int) -> float:
-        """Return the factor by which an estimated noise level widens an interval (Student's t)."""
+        # The factor by which an estimated noise level widens an interval (Student's t).
         freedom = max(min(self.points * states - len(self.goal), 2 * states - 1), 1.0)
         return float(scipy.special.stdtrit(freedom, 0.975)) / NORMAL_95
 
@@ -282,7 +284,13 @@ def planar_model(specimen: Specimen) -> BeamModel:
 
 
 def states_reached(known: KnownLaw, model: BeamModel, loads: Loads) -> Choice:
-    """Return the indices of the loads with a stable equilibrium; raise ValueError if there are none."""
+    """Return the indices of the loads with a stable equilibrium.
+
+    Raises
+    ------
+    ValueError
+        If there are none.
+    """
     converged = model.solve(known.law, known.parameters[None], loads).status[0] == Status.CONVERGED
     if not converged.any():
         raise ValueError(f"none of the {len(loads)} states has a stable equilibrium: check loads, specimen and law")
@@ -300,7 +308,8 @@ def experiment_without_noise(
 
 
 def slopes_of(problem: Problem, unit: Array) -> Array:
-    """Return the derivatives of the residuals in mm by n unknowns scaled to 0..1, shape (n, K, 2, m)."""
+    """Return the derivatives of the residuals in mm by the unknowns, which are scaled to 0..1."""
+    # (n, K, 2, m)
     batch, distance = difference_batch(unit)
     residuals = problem.evaluate(batch, 1.0).comparison.misfits[0].residuals
     n = len(unit)
@@ -308,7 +317,7 @@ def slopes_of(problem: Problem, unit: Array) -> Array:
 
 
 def _mesh(problem: Problem, unit: Array, along: int) -> dict[str, Array]:
-    """Return the standard error of the edges (mm) due to a mesh of ``along`` elements, with the key "mesh"."""
+    # The standard error of the edges (mm) due to a mesh of `along` elements.
     mesh_correction = correction(
         FINER_MESH,
         problem.experiments,
@@ -327,7 +336,7 @@ def weight_of_point(noise: EdgeNoise, points_per_edge: int) -> float:
 
 
 def _goal(known: KnownLaw, unknowns: Unknowns, unit: Array, goal: str) -> Array:
-    """Return the derivatives of the modulus or law parameter by n unknowns, divided by its value, (n,)."""
+    # (n,): the derivatives of the modulus or law parameter by the unknowns, divided by its value.
     names = known.law.parameter_names
     if goal != MODULUS and goal not in names:
         raise KeyError(goal)

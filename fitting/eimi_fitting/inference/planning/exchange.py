@@ -1,8 +1,7 @@
-"""Choose the load cases to measure for which a criterion, such as the variance of the modulus, is smallest.
+"""Choose the load cases to measure for which a criterion, such as the variance of the modulus, is smallest."""
 
-One load case at a time is exchanged for the one that lowers the criterion most (Fedorov 1972, Theory of Optimal
-Experiments, section 3.3; Atkinson and Donev 1992, Optimum Experimental Designs, section 15.4).
-"""
+# One load case at a time is exchanged for the one that lowers the criterion most (Fedorov 1972, Theory of Optimal
+# Experiments, section 3.3; Atkinson and Donev 1992, Optimum Experimental Designs, section 15.4).
 
 from __future__ import annotations
 
@@ -25,7 +24,7 @@ class Criterion(Protocol):
         """Return the number of possible load cases."""
 
     def variance(self, choices: Choice) -> Array:
-        """Return the quantity to make small, such as a variance, (D,), for D choices of K load cases (D, K)."""
+        """Return the quantity to make small, such as a variance, for several choices of load cases."""
 
 
 def equally_spaced(states: int, count: int) -> Choice:
@@ -34,13 +33,8 @@ def equally_spaced(states: int, count: int) -> Choice:
 
 
 def exchange(criterion: Criterion, count: int) -> Choice:
-    """Return the indices of ``count`` load cases for which a criterion, such as the variance of the modulus, is small.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than ``count`` load cases.
-    """
+    """Choose load cases for which a criterion, such as the variance of the modulus, is small."""
+    # Raises ValueError if there are fewer than `count` load cases.
     if count > len(criterion):
         raise ValueError(f"cannot choose {count} states: only {len(criterion)} states could be measured")
     # The first choice is equally spaced, the second is built one by one. The better result is taken.
@@ -50,7 +44,7 @@ def exchange(criterion: Criterion, count: int) -> Choice:
 
 
 def _filled(criterion: Criterion, count: int) -> Choice:
-    """Return the indices of ``count`` load cases, each chosen so that it lowers the criterion most."""
+    # Each load case is chosen so that it lowers the criterion most.
     chosen: list[int] = []
     while len(chosen) < count:
         others = np.setdiff1d(np.arange(len(criterion)), chosen)
@@ -60,7 +54,7 @@ def _filled(criterion: Criterion, count: int) -> Choice:
 
 
 def _exchanged(criterion: Criterion, choice: Choice) -> Choice:
-    """Return a choice of load cases in which no exchange of one load case lowers the criterion."""
+    # Exchange load cases until no exchange of one load case lowers the criterion.
     best = float(criterion.variance(choice[None])[0])
     for _ in range(_SWEEPS):
         before = best

@@ -41,49 +41,32 @@ _WIDTH_GROWS = 1.05  # factor on the narrowest interval by which the noise may w
 
 @dataclass(frozen=True)
 class _Depth:
-    """The difference between the shapes of the solid and of the planar beam model, computed at one modulus."""
-
+    # The difference between the shapes of the solid and of the planar beam model, computed at one modulus.
     effect: DepthEffect
     modulus_Pa: float
 
 
 @dataclass(frozen=True)
 class ModulusSoFar:
-    """The initial shear modulus, estimated from the load cases that a run has measured.
-
-    Attributes
-    ----------
-    value_Pa : float
-        The modulus.
-    interval_95_Pa : tuple of float
-        Lower and upper end of the 95 % interval of the modulus.
-    error_mm : float
-        Mean of the root mean square residuals of the load cases.
-    states : int
-        Number of load cases.
-    limited_by : str
-        The largest contribution to the interval, in words.
-    bounds_Pa : tuple of float
-        Bounds of the modulus in the search.
-    unit : ndarray, shape (1,)
-        Optimum of the fit, scaled to 0..1 between the bounds.
-    narrowest_Pa : float
-        Width of the narrowest interval in the run.
-    noise_Pa : float
-        Width of the 95 % interval due to noise and mesh error alone.
-    depth : object, optional
-        Correction of the displacements by a three-dimensional beam model.
-    """
+    """The initial shear modulus, estimated from the load cases that were measured so far."""
 
     value_Pa: float
     interval_95_Pa: tuple[float, float]
+    # Mean of the root mean square residuals of the load cases.
     error_mm: float
+    # Number of load cases.
     states: int
+    # The largest contribution to the interval, in words.
     limited_by: str
+    # Bounds of the modulus in the search.
     bounds_Pa: tuple[float, float]
+    # (1,): optimum of the fit, scaled to 0..1 between the bounds.
     unit: Array
+    # Width of the narrowest interval in the run.
     narrowest_Pa: float
+    # Width of the 95 % interval due to noise and mesh error alone.
     noise_Pa: float
+    # Correction of the displacements by a three-dimensional beam model.
     depth: _Depth | None = field(default=None, repr=False)
 
     @property
@@ -93,15 +76,8 @@ class ModulusSoFar:
 
 
 def modulus_so_far(experiment: Experiment, before: ModulusSoFar | None = None) -> ModulusSoFar:
-    """Estimate the modulus of a Neo-Hookean beam from the load cases that a run has measured.
-
-    Raises
-    ------
-    NothingActs
-        If no load bends the beam.
-    NothingConverged
-        If the beam has no equilibrium for any modulus of the search.
-    """
+    """Estimate the modulus of a Neo-Hookean beam from the load cases that were measured so far."""
+    # Raises NothingActs if no load bends the beam, and NothingConverged if the beam has no equilibrium for any modulus.
     now = _estimated(experiment, before)
     if before is None:
         return now
@@ -119,7 +95,6 @@ def modulus_so_far(experiment: Experiment, before: ModulusSoFar | None = None) -
 
 
 def _estimated(experiment: Experiment, before: ModulusSoFar | None) -> ModulusSoFar:
-    """Return the estimate of the modulus from all measured load cases; the search starts at ``before``."""
     specimen = experiment.model.specimen
     flat = polished(replace(experiment, solid=None, change=None))
     problem = Problem(_LAW, Unknowns(search_space(_LAW), nuisances((), 1, [flat.stated])), (flat,), ())
@@ -159,7 +134,7 @@ def _estimated(experiment: Experiment, before: ModulusSoFar | None) -> ModulusSo
 def _with_depth(
     problem: Problem, unit: Array, before: _Depth | None
 ) -> tuple[Problem, Optimum[Evaluation], tuple[Effect, ...], _Depth] | None:
-    """Correct the residuals by a three-dimensional beam model and fit again; None without such a correction."""
+    # Correct the residuals by a three-dimensional beam model, and fit again.
     plain, depth, corrected = problem.experiments, before, problem
     batch, distance = difference_batch(unit)
     optimum = Optimum(unit, problem.evaluate(batch, 1.0, keep=True), distance, Polish(0.0, 0.0, 0))
@@ -192,7 +167,7 @@ def _alone(problem: Problem, unit: Array, experiments: Sequence[Experiment]) -> 
 
 
 def _noise(problem: Problem, optimum: Optimum[Evaluation]) -> Noise:
-    """Return the noise of a fit; all residuals at the optimum count as noise."""
+    # All residuals at the optimum count as noise.
     about = linearise(problem, optimum)
     explained = Explained(about.states, about.hessian, float((about.priors**2).sum()))
     return Noise(about, explained, considered(problem, optimum.unit))

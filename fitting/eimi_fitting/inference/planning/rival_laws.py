@@ -34,24 +34,24 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Rivals:
-    """The S load cases from which a plan chooses those that distinguish two laws.
+    """The load cases from which a plan chooses those that distinguish two laws.
 
-    The second law and the uncertain inputs, m unknowns in all, are fitted to simulated edges of the first law.
+    The second law and the uncertain inputs are fitted to edges that are simulated with the first law.
 
     Attributes
     ----------
     loads : Loads
-        The loads of the S load cases.
+        The S load cases.
     states : ndarray of int, shape (S,)
-        Index of each load case in the list of all possible load cases, some of which have no equilibrium.
+        Index of each load case in the list of all possible load cases.
     square : ndarray, shape (S,)
-        Sum of the squared residuals of the second law at the start of the fit, in units of the noise variance.
+        Sum of the squared residuals at the start of the fit, divided by the noise variance.
     score : ndarray, shape (S, m)
-        Gradient of half of ``square`` in the m unknowns.
+        Gradient of half of ``square`` by the m unknowns of the fit.
     normal : ndarray, shape (S, m, m)
-        Hessian of half of ``square`` in the m unknowns.
+        Hessian of half of ``square``.
     prior : ndarray, shape (m, m)
-        Inverse prior covariance of the m unknowns.
+        Inverse prior covariance of the unknowns.
     """
 
     loads: Loads
@@ -65,13 +65,13 @@ class Rivals:
         return len(self.square)
 
     def variance(self, choices: Choice) -> Array:
-        """Return 1 divided by the expected difference in AIC of two laws, (D,), for D choices of load cases (D, K)."""
+        """Return the inverse of the expected difference in AIC of two laws, for several choices of load cases."""
         square, score = self.square[choices].sum(axis=1), self.score[choices].sum(axis=1)
         step = np.linalg.solve(self.normal[choices].sum(axis=1) + self.prior, score[..., None])[..., 0]
         return np.asarray(1 / np.maximum(square - np.einsum("di,di->d", score, step), 1e-12))
 
     def apart(self, choice: Choice) -> float:
-        """Return the expected difference in AIC between two laws for the chosen load cases."""
+        """Return the expected difference in AIC of two laws for the chosen load cases."""
         return 1 / float(self.variance(choice[None])[0])
 
 

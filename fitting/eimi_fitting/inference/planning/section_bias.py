@@ -1,4 +1,4 @@
-"""Estimate the error of a modulus due to a planar beam model: fit a planar model to a simulated solid beam."""
+"""Estimate the error of the modulus if a planar model is fitted to a three-dimensional beam."""
 
 from __future__ import annotations
 
@@ -29,13 +29,8 @@ _STEP = 0.02  # of the logarithm of the modulus, for the difference quotient
 
 @lru_cache(maxsize=8)
 def expected_bias(specimen: Specimen) -> float:
-    """Return the relative error of the modulus if a planar model is fitted to a solid beam.
-
-    Raises
-    ------
-    ValueError
-        If the three-dimensional model does not support the specimen.
-    """
+    """Return the relative error of the modulus if a planar model is fitted to a three-dimensional beam."""
+    # Raises ValueError if the three-dimensional model does not support the specimen.
     law = LAWS["neo-hookean"]
     beside = SolidBeside(replace(specimen, section="solid"), ALONG, ACROSS)
     planar = BeamModel(specimen, beside.planar.along, beside.planar.across, specimen.planar_section)
@@ -57,7 +52,7 @@ def expected_bias(specimen: Specimen) -> float:
 
 
 def bending_loads(planar: BeamModel) -> Loads:
-    """Return two loads: half of the load that turns the tip of the beam by about 45 degrees, and this load."""
+    """Return two loads: one that turns the tip of the beam by about 45 degrees, preceded by half of it."""
     specimen, law, modulus = planar.specimen, LAWS["neo-hookean"], np.array([[MODULUS_PA]])
     magnetic = specimen.magnet is not None or any(specimen.magnetisation_A_per_m)
     stiffness_N = 1e-6 * MODULUS_PA * specimen.width_mm**3 * specimen.depth_mm / specimen.length_mm**2

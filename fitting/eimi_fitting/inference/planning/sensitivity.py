@@ -1,4 +1,4 @@
-"""Compute the derivatives of simulated edges by the parameters of a hyperelastic law, by central differences."""
+"""Compute the derivatives of simulated edges by the parameters of a hyperelastic law."""
 
 from __future__ import annotations
 
@@ -17,20 +17,15 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """Simulated edges of the beam and their derivatives, for P parameter sets of a law and K load cases.
+    """Simulated edges of the beam, and their derivatives by the parameters of a law."""
 
-    Attributes
-    ----------
-    edges : ndarray, shape (P, K, 2, m, 2)
-        Positions (x, y) of m points on each of two edges, in mm.
-    slope : ndarray, shape (P, n, K, 2, m, 2)
-        Derivatives of ``edges`` by the n parameters, in mm per unit of the parameter.
-    converged : ndarray of bool, shape (P,)
-        Whether the edges and derivatives of a parameter set are valid.
-    """
+    # There are P sets of n parameters, K load cases, and m points on each of two edges.
 
+    # (P, K, 2, m, 2): positions (x, y) in mm.
     edges: Array
+    # (P, n, K, 2, m, 2): derivatives in mm per unit of the parameter.
     slope: Array
+    # (P,): whether the edges and derivatives of a set are valid.
     converged: NDArray[np.bool_]
 
 

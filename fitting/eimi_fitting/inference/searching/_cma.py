@@ -15,13 +15,11 @@ _UNUSED = frozenset({"matplotlib", "scipy.stats"})
 
 
 class _Absent(MetaPathFinder):
-    """Block slow imports (matplotlib, scipy.stats) in the thread that creates this object."""
-
+    # Blocks slow imports in the thread that creates this object.
     def __init__(self) -> None:
         self._thread = threading.get_ident()
 
     def find_spec(self, name: str, path: Sequence[str] | None, target: ModuleType | None = None) -> None:
-        """Raise ModuleNotFoundError for matplotlib and scipy.stats, so that the import of cma does not load them."""
         if name in _UNUSED and threading.get_ident() == self._thread:
             raise ModuleNotFoundError(
                 f"the import of {name} is blocked on purpose while cma is imported, because nothing here needs it",

@@ -1,9 +1,8 @@
-"""Measure the stress-free shape of a specimen from its states without field and tip force.
+"""Measure the stress-free shape of a specimen from the edges of the beam without load."""
 
-The stress-free shape is the shape in the specimen file, plus a few smooth deviations (modes) with amplitudes in mm. The
-amplitudes are fitted so that the edges of the beam, which its weight bends, agree with the measured edges. A mode is
-used if its amplitude exceeds three standard deviations, and 0.005 mm for a bend or 0.003 mm for a change of the width.
-"""
+# The stress-free shape is the shape in the specimen file, plus a few smooth deviations (modes) with amplitudes in mm.
+# The amplitudes are fitted so that the edges of the beam, which its weight bends, agree with the measured edges. A mode
+# is used if its amplitude exceeds three standard deviations, and 0.005 mm for a bend or 0.003 mm for a change of width.
 
 from __future__ import annotations
 
@@ -50,29 +49,21 @@ _TOLERANCE_MM = 1e-4
 
 @dataclass(frozen=True)
 class MeasuredRestShape:
-    """The stress-free shape of a specimen, measured without load.
+    """The stress-free shape of a specimen, measured without load."""
 
-    Attributes
-    ----------
-    specimen : Specimen
-        The specimen with the measured shape.
-    bends_mm, widths_mm : tuple of float
-        Differences of the middle line and of the width from the specimen file, as coefficients of smooth functions.
-    bend_sigma_mm, width_sigma_mm : float
-        Largest standard uncertainties of ``bends_mm`` and of ``widths_mm``.
-    """
-
+    # The specimen with the measured shape.
     specimen: Specimen
+    # bends_mm, widths_mm: differences of the middle line and of the width from the specimen file, as coefficients of
+    # smooth functions.
     bends_mm: tuple[float, ...]
     widths_mm: tuple[float, ...]
+    # bend_sigma_mm, width_sigma_mm: largest standard uncertainties of these coefficients.
     bend_sigma_mm: float
     width_sigma_mm: float
 
     def applied(self, experiment: Experiment, of: str = "states without load") -> Experiment:
-        """Return the experiment with the measured stress-free shape and its uncertainty.
-
-        of: name of the measurement of the shape. Datasets with equal names share one error of the shape.
-        """
+        """Return the experiment with the measured stress-free shape and its uncertainty."""
+        # `of` is the name of the measurement. Datasets with equal names share one error of the shape.
         sigmas = {"rest-shape": self.bend_sigma_mm, "taper": TAPER * self.width_sigma_mm}
         taper, waist = (of_width * mode for of_width, mode in zip((TAPER, WAIST), self.widths_mm, strict=True))
         others = (stated for stated in experiment.stated if stated.source not in sigmas)
@@ -86,7 +77,7 @@ class MeasuredRestShape:
 
     @property
     def in_words(self) -> str:
-        """The significant deviations from the shape in the specimen file as text, such as "bent by up to 0.9 mm"."""
+        """The measured deviations from the specimen file as text, such as "bent by up to 0.9 mm"."""
         words = []
         if any(self.bends_mm):
             along = np.linspace(0, 1, 51)
@@ -98,10 +89,8 @@ class MeasuredRestShape:
 
 
 def measured_rest_shape(experiment: Experiment) -> MeasuredRestShape | None:
-    """Measure the stress-free shape of a specimen from the edges of the beam without load.
-
-    The result is None if the shape cannot be measured, or hardly differs from the specimen file.
-    """
+    """Measure the stress-free shape of a specimen from the edges of the beam without load."""
+    # The result is None if the shape cannot be measured, or hardly differs from the specimen file.
     unloaded = unloaded_states(experiment)
     bent = np.setdiff1d(np.arange(len(experiment.loads)), unloaded)
     if not isinstance(experiment.observed, EdgeObservation) or not len(unloaded) or not len(bent):
@@ -146,13 +135,13 @@ def measured_rest_shape(experiment: Experiment) -> MeasuredRestShape | None:
 
 
 def _significant(amplitudes: Array, sigma: Array) -> NDArray[np.intp]:
-    """Return the indices of the amplitudes (mm) that differ significantly from zero."""
+    # Indices of the amplitudes (mm) that differ significantly from zero.
     # The standard deviations ``sigma`` are in mm.
     return np.flatnonzero(np.abs(amplitudes) > np.maximum(_LEAST_MM, _SURE * sigma))
 
 
 def unloaded_states(experiment: Experiment) -> NDArray[np.intp]:
-    """Return the indices of the states with field and tip force of at most 2 % of their largest values."""
+    """Return the indices of the load cases in which field and tip force are at most 2 % of their largest values."""
     loads = experiment.loads
     # The stress-free shape is not measured if a pressure acts in any state.
     if np.any(np.asarray(loads.pressure_Pa)):
@@ -162,13 +151,13 @@ def unloaded_states(experiment: Experiment) -> NDArray[np.intp]:
 
 
 def _shaped(experiment: Experiment, amplitudes: Array) -> Experiment:
-    """Return the experiment with smooth modes with ``amplitudes`` (mm) added to the stress-free shape."""
+    # Add smooth modes with these amplitudes (mm) to the stress-free shape.
     specimen = with_modes(experiment.model.specimen, amplitudes[:BENDS].tolist(), amplitudes[BENDS:].tolist())
     return replace(experiment, model=experiment.model.of(specimen))
 
 
 def _residuals(experiment: Experiment, modulus_Pa: float, setups: Sequence[Setup]) -> list[Array] | None:
-    """Return the distances (mm) of measured points from simulated edges, for each of several shifts of the picture."""
+    # Distances (mm) of measured points from simulated edges, for each of several shifts of the picture.
     shapes = experiment.model.solve(_LAW, np.array([[modulus_Pa]]), experiment.loads, tolerance_mm=_TOLERANCE_MM)
     if not np.isin(shapes.status, (Status.CONVERGED, Status.UNSTABLE)).all():
         return None
@@ -180,10 +169,8 @@ def _residuals(experiment: Experiment, modulus_Pa: float, setups: Sequence[Setup
 def _amplitudes(
     rest: Experiment, modulus_Pa: float, start: Array, used: NDArray[np.intp]
 ) -> tuple[Array, Array] | None:
-    """Fit the amplitudes of some modes; return the amplitudes of all modes and their uncertainties in mm.
-
-    A mode is a smooth change of the stress-free shape, such as a bend. used: indices of the fitted modes.
-    """
+    # Fit the amplitudes of the modes `used` (indices). Returns the amplitudes of all modes and their uncertainties in
+    # mm.
     # A small rotation and a small shift of the picture are fitted, too.
     amplitudes, picture = start.copy(), np.zeros(2)
     priors = np.concatenate([_PRIOR_MM[used], [_TURN_DEG, _SHIFT_MM]])
@@ -224,14 +211,14 @@ def _picture(turn_deg_shift_mm: Array) -> Setup:
 
 
 def _scanned_modulus(bent: Experiment) -> float:
-    """Return the shear modulus in Pa for which simulated edges are closest to measured edges."""
+    # The shear modulus for which simulated edges are closest to measured edges.
     problem = Problem(_LAW, Unknowns(search_space(_LAW)), (bent,))
     points = _POINTS_A_STATE * len(bent.loads)
     return _nearby_modulus(bent, narrowed(problem, scanned(problem, points), points).best_Pa)
 
 
 def _nearby_modulus(bent: Experiment, near_Pa: float) -> float:
-    """Return the shear modulus in Pa near ``near_Pa`` for which simulated edges are closest to measured edges."""
+    # The same near `near_Pa`.
     trial = near_Pa * np.exp(np.linspace(-0.2, 0.2, 5))
     errors = _errors_mm(bent, trial)
     if errors.max() >= DISCARDED_MM:
@@ -242,7 +229,7 @@ def _nearby_modulus(bent: Experiment, near_Pa: float) -> float:
 
 
 def _errors_mm(bent: Experiment, moduli_Pa: Array) -> Array:
-    """Return the root mean square distance of measured points from simulated edges for S shear moduli, (S,) in mm."""
+    # (S,): root mean square distance of measured points from simulated edges, for S shear moduli.
     shapes = bent.model.solve(_LAW, moduli_Pa[:, None], bent.loads, tolerance_mm=1e-3)
     error = np.sqrt(np.mean(bent.observed.misfit(bent.model, shapes).error_mm ** 2, axis=1))
     return np.where(shapes.converged, error, DISCARDED_MM)

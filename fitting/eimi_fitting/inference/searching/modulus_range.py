@@ -1,10 +1,9 @@
-"""Determine from the data the range of moduli to search, for any material from gel to steel.
+"""Determine from the data the range of moduli to search, for any material from gel to steel."""
 
-The largest displacement of a stiff beam of length L and shear modulus mu is u = c L / mu, with a constant c. The
-objective (the error in mm that the fit minimises) is computed for moduli from c / 3 to c / 1e-7, for which this formula
-gives u / L from 3 to 1e-7. The searched range contains all moduli whose objective is within 2 % of the smallest one. It
-covers at least a factor of 1000.
-"""
+# The largest displacement of a stiff beam of length L and shear modulus mu is u = c L / mu, with a constant c. The
+# objective (the error in mm that the fit minimises) is computed for moduli from c / 3 to c / 1e-7, for which this
+# formula gives u / L from 3 to 1e-7. The searched range contains all moduli whose objective is within 2 % of the
+# smallest one. It covers at least a factor of 1000.
 
 from __future__ import annotations
 
@@ -30,24 +29,18 @@ _FINER, _ABOUT = 9, (10**0.5, 10**0.125)  # candidates about the best modulus, a
 
 
 class NothingConverged(Exception):
-    """The beam could not be simulated with any law."""
+    """The exception for a beam that could not be simulated with any parameters."""
 
 
 class NothingActs(Exception):
-    """No load bends the specimen in any state."""
+    """The exception for a specimen that no load bends."""
 
 
 @dataclass(frozen=True)
 class Scan:
-    """The objective of a fit (the error in mm that it minimises) for each of S shear moduli.
+    """The error (mm) of a fit for each of several shear moduli."""
 
-    Parameters
-    ----------
-    moduli_Pa : ndarray, shape (S,)
-        The moduli in ascending order.
-    objective_mm : ndarray, shape (S,)
-        The objective for each modulus.
-    """
+    # (S,): the moduli are in ascending order.
 
     moduli_Pa: Array
     # Very large for a modulus without an equilibrium of the beam, or with an unstable law.
@@ -55,17 +48,17 @@ class Scan:
 
     @property
     def best_mm(self) -> float:
-        """The smallest objective in mm."""
+        """The smallest error in mm."""
         return float(self.objective_mm.min())
 
     @property
     def best_Pa(self) -> float:
-        """The modulus in Pa with the smallest objective."""
+        """The modulus in Pa with the smallest error."""
         return float(self.moduli_Pa[np.argmin(self.objective_mm)])
 
     @property
     def unmoved_mm(self) -> float:
-        """The objective in mm for the largest modulus, with which the beam hardly bends."""
+        """The error in mm for the largest modulus, with which the beam hardly bends."""
         return float(self.objective_mm[-1])
 
     def searched(self) -> tuple[float, float]:
@@ -79,17 +72,9 @@ class Scan:
 
 
 def scanned(problem: Problem, independent_points: float) -> Scan:
-    """Compute the objective (error in mm) of a fit for moduli from very soft to very stiff, two for each factor of 10.
-
-    independent_points: number of points with independent errors.
-
-    Raises
-    ------
-    NothingActs
-        No load bends the specimen.
-    NothingConverged
-        Not even the stiffest beam can be simulated.
-    """
+    """Compute the error of a fit for many moduli, from very soft to very stiff."""
+    # Raises NothingActs if no load bends the specimen, and NothingConverged if not even the stiffest beam can be
+    # simulated.
     compliance = _compliance(problem)
     softest, stiffest = compliance / _MOST, compliance / _LEAST
     moduli = np.geomspace(softest, stiffest, 1 + round(_PER_DECADE * np.log10(stiffest / softest)))
@@ -97,10 +82,7 @@ def scanned(problem: Problem, independent_points: float) -> Scan:
 
 
 def narrowed(problem: Problem, scan: Scan, independent_points: float) -> Scan:
-    """Add 18 moduli near the best one to a scan.
-
-    independent_points: number of points with independent errors.
-    """
+    """Add moduli near the best one to the moduli for which the error of a fit was computed."""
     for factor in _ABOUT:
         moduli = np.geomspace(scan.best_Pa / factor, scan.best_Pa * factor, _FINER)
         errors_mm = evaluated(problem, moduli, independent_points).objective_mm
@@ -111,7 +93,7 @@ def narrowed(problem: Problem, scan: Scan, independent_points: float) -> Scan:
 
 
 def within(problem: Problem, bounds_Pa: tuple[float, float]) -> Problem:
-    """Return the fit with the bounds ``bounds_Pa`` of the modulus."""
+    """Return the fit with these bounds of the modulus."""
     space = problem.unknowns.space
     low, high = bounds_Pa
     bounded = replace(space, lower=(low, *space.lower[1:]), upper=(high, *space.upper[1:]))
@@ -119,16 +101,13 @@ def within(problem: Problem, bounds_Pa: tuple[float, float]) -> Problem:
 
 
 def evaluated(problem: Problem, moduli_Pa: Array, independent_points: float) -> Evaluation:
-    """Return the objective and the residuals of a fit for S shear moduli, (S,).
-
-    independent_points: number of points with independent errors.
-    """
+    """Return the objective and the residuals of a fit for several shear moduli."""
     unknowns, unit = _candidates(problem, moduli_Pa)
     return replace(problem, unknowns=unknowns).evaluate(unit, independent_points)
 
 
 def _candidates(problem: Problem, moduli_Pa: Array) -> tuple[Unknowns, Array]:
-    """Return unknowns with bounds that contain all moduli, and the unknowns' values for each modulus."""
+    # Unknowns with bounds that contain all moduli, and the values of the unknowns for each modulus.
     # The parameters beside the modulus are in the middle of their ranges.
     unit = np.full((len(moduli_Pa), problem.unknowns.searched), 0.5)
     span = (float(moduli_Pa.min()), 2 * float(moduli_Pa.max()))
@@ -138,7 +117,7 @@ def _candidates(problem: Problem, moduli_Pa: Array) -> tuple[Unknowns, Array]:
 
 
 def _compliance(problem: Problem) -> float:
-    """Return c (Pa) in u = c L / mu: displacement u of a beam with length L and large shear modulus mu."""
+    # The constant c (Pa) in u = c L / mu: displacement u of a beam with length L and large shear modulus mu.
     modulus = _FIRST_PA
     while modulus <= _STIFFEST_PA:
         bent = _bent(problem, modulus)
@@ -155,7 +134,7 @@ def _compliance(problem: Problem) -> float:
 
 
 def _bent(problem: Problem, modulus_Pa: float) -> float:
-    """Return the largest displacement of a beam divided by its length; infinite without an equilibrium."""
+    # The largest displacement divided by the length; infinite without an equilibrium.
     unknowns, unit = _candidates(problem, np.array([modulus_Pa]))
     bent = 0.0
     for experiment in problem.experiments:

@@ -1,9 +1,8 @@
-"""Name a mistake in the loads of a file, such as a reversed field, if no modulus explains the measurement.
+"""Find a mistake in the loads of a file, such as a reversed field, if no modulus explains the measurement."""
 
-The smallest distance of simulated from measured edges over many moduli is divided by the distance for an unbent beam.
-If this ratio exceeds 0.04 for a dataset, the loads are corrected, once for each usual mistake. A mistake is named if
-the correction reduces the distance to less than 0.4 of its value. If the ratio also exceeds 0.2, no law is fitted.
-"""
+# The smallest distance of simulated from measured edges over many moduli is divided by the distance for an unbent beam.
+# If this ratio exceeds 0.04 for a dataset, the loads are corrected, once for each usual mistake. A mistake is named if
+# the correction reduces the distance to less than 0.4 of its value. If the ratio also exceeds 0.2, no law is fitted.
 
 from __future__ import annotations
 
@@ -29,6 +28,7 @@ _SUSPECT, _HOPELESS = 0.04, 0.2
 _EXPLAINS = 0.4  # largest error with corrected loads over the error with the stated loads
 
 
+# The keys of the recognised mistakes in the loads.
 Slip = Literal[
     "field_reversed",
     "gravity_reversed",
@@ -38,40 +38,24 @@ Slip = Literal[
     "force_too_large",
     "gravity_absent",
 ]
-"""The keys of the recognised mistakes in the loads."""
 
 
 @dataclass(frozen=True)
 class Cause:
-    """A usual mistake in the loads of a file, such as a reversed field.
-
-    Parameters
-    ----------
-    slip : str
-        Key of the mistake.
-    words : str
-        Name of the mistake.
-    loads : callable
-        Corrects the loads of the file.
-    """
+    """A usual mistake in the loads of a file, such as a reversed field."""
 
     slip: Slip
+    # Name of the mistake.
     words: str
+    # Corrects the loads of the file.
     loads: Callable[[Loads], Loads]
 
 
 class NamedCause(Exception):
-    """A mistake in the loads of a dataset that explains why no material fits the measurement.
+    """The exception for a mistake in the loads that explains why no material fits the measurement."""
 
-    Parameters
-    ----------
-    experiment : int
-        Index of the dataset.
-    slip : str
-        Key of the mistake.
-    error_mm, error_without_mm : float
-        Smallest mean distance of measured points from simulated edges, with the mistake and without it.
-    """
+    # error_mm, error_without_mm: smallest mean distance of measured points from simulated edges, with the mistake and
+    # without it.
 
     def __init__(self, experiment: int, slip: Slip, error_mm: float, error_without_mm: float) -> None:
         self.experiment, self.slip = experiment, slip
@@ -87,12 +71,12 @@ class NamedCause(Exception):
         return next(cause.words for cause in CAUSES if cause.slip == self.slip)
 
     def __reduce__(self) -> tuple[type[NamedCause], tuple[int, Slip, float, float]]:
-        """Return the class and the arguments that rebuild the exception in another process."""
+        # For pickle: the default would call the class with the message alone.
         return NamedCause, (self.experiment, self.slip, self.error_mm, self.error_without_mm)
 
 
 def _gravity_turned(loads: Loads) -> Loads:
-    """Return the loads with gravity, and tip forces along gravity, reversed."""
+    # Gravity, and tip forces along gravity, are reversed.
     across = loads.gravity[:, 0] * loads.tip_force_N[:, 1] - loads.gravity[:, 1] * loads.tip_force_N[:, 0]
     along = np.abs(across) <= 1e-9 * np.linalg.norm(loads.gravity, axis=1) * np.linalg.norm(loads.tip_force_N, axis=1)
     force = np.where(along[:, None], -loads.tip_force_N, loads.tip_force_N)
@@ -127,16 +111,10 @@ CAUSES = (
 
 
 def doubtful_loads(problem: Problem, scan: Scan, independent_points: float) -> tuple[NamedCause, ...]:
-    """Return probable mistakes in the loads of the files, at most one for each dataset, to warn of them.
-
-    scan: the objective of the fit for many moduli. independent_points: number of points with independent errors.
-
-    Raises
-    ------
-    NamedCause
-        If such a mistake is found, and with the stated loads the beam model describes the bending badly: its residuals
-        exceed 0.2 times those of a beam that stays straight.
-    """
+    """Find probable mistakes in the loads of the files, such as a reversed field."""
+    # `scan` is the objective of the fit for many moduli. At most one mistake is returned for each dataset. Raises
+    # NamedCause if the fit would be hopeless: with the loads of the file, the residuals exceed 0.2 times those of a
+    # beam that stays straight.
     causes: list[NamedCause] = []
     # The loads explain all datasets together.
     if scan.best_mm <= _SUSPECT * scan.unmoved_mm:
@@ -158,10 +136,7 @@ def doubtful_loads(problem: Problem, scan: Scan, independent_points: float) -> t
 
 
 def _error_without(alone: Problem, cause: Cause, independent_points: float) -> float:
-    """Return the smallest error (mm) of a fit of the modulus to one dataset whose loads are corrected.
-
-    independent_points: number of points with independent errors.
-    """
+    # The smallest error (mm) of a fit of the modulus to one dataset whose loads are corrected.
     (experiment,) = alone.experiments
     loads = cause.loads(experiment.loads)
     # The dataset has no load that the mistake concerns.

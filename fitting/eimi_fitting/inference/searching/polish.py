@@ -1,16 +1,15 @@
-"""Improve the result of a global search by Gauss-Newton (iteratively reweighted least squares).
+"""Improve the result of a global search by Gauss-Newton steps."""
 
-Load state k has N_k residuals r_ki in mm. The objective is proportional to
-
-    f = sum_k e_k,    e_k = sqrt(sum_i r_ki^2 / N_k).
-
-With the derivatives J_k of r_k by the unknowns and the weights w_k = 1 / (N_k e_k), its gradient and approximate
-Hessian are (Holland and Welsch 1977, Commun. Statist. A 6:813)
-
-    g = sum_k w_k J_k' r_k,    H = sum_k w_k J_k' J_k.
-
-Each step d minimises g' d + d' (H + lambda I) d / 2 within the bounds, with a small damping lambda.
-"""
+# Load case k has N_k residuals r_ki in mm. The objective is proportional to
+#
+#     f = sum_k e_k,    e_k = sqrt(sum_i r_ki^2 / N_k).
+#
+# With the derivatives J_k of r_k by the unknowns and the weights w_k = 1 / (N_k e_k), its gradient and approximate
+# Hessian are (iteratively reweighted least squares: Holland and Welsch 1977, Commun. Statist. A 6:813)
+#
+#     g = sum_k w_k J_k' r_k,    H = sum_k w_k J_k' J_k.
+#
+# Each step d minimises g' d + d' (H + lambda I) d / 2 within the bounds, with a small damping lambda.
 
 from __future__ import annotations
 
@@ -37,15 +36,15 @@ ENOUGH = 1e-4  # the last step lowers the objective by less than this share
 
 
 class Evaluation(Protocol):
-    """The objective and the residuals of a fit at P points."""
+    """The objective and the residuals of a fit at several points."""
 
     @property
     def objective_mm(self) -> Array:
-        """The objective at each of P points, (P,)."""
+        """The objective at each point."""
 
     @property
     def misfits(self) -> tuple[Misfit, ...]:
-        """The residuals for P sets of parameters, one element for each experiment."""
+        """The residuals of each experiment at all points."""
 
 
 E = TypeVar("E", bound=Evaluation)
@@ -53,15 +52,7 @@ E = TypeVar("E", bound=Evaluation)
 
 @dataclass(frozen=True)
 class Polish:
-    """The improvement of a fit by Gauss-Newton.
-
-    Parameters
-    ----------
-    mean_error_before_mm, mean_error_after_mm : float
-        Objective at the start and at the end.
-    steps : int
-        Number of accepted steps.
-    """
+    """The improvement of a fit by Gauss-Newton: the objective before and after it, and the number of accepted steps."""
 
     mean_error_before_mm: float
     mean_error_after_mm: float
@@ -70,32 +61,22 @@ class Polish:
 
 @dataclass(frozen=True)
 class Optimum(Generic[E]):
-    """The optimum of a fit, with evaluations on both sides of it for central differences.
+    """The optimum of a fit, with the residuals on both sides of it for central differences."""
 
-    Parameters
-    ----------
-    unit : ndarray, shape (n,)
-        The n unknowns at the optimum, from 0 to 1 between their bounds.
-    evaluation : Evaluation
-        The residuals at the 2 n + 1 points of `difference_batch`.
-    distance : ndarray, shape (n,)
-        Difference between the increased and the decreased value of each unknown.
-    polish : Polish
-        The improvement from the start to the optimum.
-    """
-
+    # (n,): the unknowns at the optimum, scaled to 0..1 between their bounds.
     unit: Array
+    # The residuals at the 2 n + 1 points of `difference_batch`.
     evaluation: E
+    # (n,): difference between the increased and the decreased value of each unknown.
     distance: Array
+    # The improvement from the start to the optimum.
     polish: Polish
 
 
 def difference_batch(unit: Array) -> tuple[Array, Array]:
-    """Return the points for central differences at ``unit``, (2 n + 1, n), and their distances, (n,).
-
-    The first row is ``unit``. One coordinate is increased in each of the n rows after it, and decreased in each of the
-    last n rows.
-    """
+    """Return a point with neighbours for central differences, and the distances of the neighbours."""
+    # (2 n + 1, n): the point itself, then n points with one increased coordinate each, then n with one decreased
+    # coordinate.
     n = len(unit)
     step = np.full(n, 1e-2)
     step[0] = 2e-4  # the logarithm of the modulus, over three decades
@@ -112,19 +93,10 @@ def polish(
     start: tuple[E, Array] | None = None,
     enough: float = ENOUGH,
 ) -> Optimum[E]:
-    """Minimise the objective of a fit by Gauss-Newton from a point near the optimum.
-
-    Parameters
-    ----------
-    evaluate : callable
-        Takes P points, (P, n), and an evaluation near them or None. Returns the objective and the residuals.
-    unit : ndarray, shape (n,)
-        The start, from 0 to 1 between the bounds.
-    start : (Evaluation, ndarray), optional
-        The residuals at the start and at its neighbours for the derivatives, and the steps of the derivatives, (n,).
-    enough : float
-        Fraction of the objective. The run ends when a step lowers the objective by less.
-    """
+    """Minimise the objective of a fit by Gauss-Newton from a point near the optimum."""
+    # evaluate: takes points (P, n), and an evaluation near them or None. unit (n,): the start, scaled to 0..1 between
+    # the bounds. start: the residuals at the start and its neighbours, and the distances of the neighbours. enough: the
+    # run ends when a step lowers the objective by a smaller share.
     here, distance = start or _about(evaluate, unit, None)
     before = best = float(here.objective_mm[0])
     for steps in range(1, MOST_STEPS + 1):
@@ -152,10 +124,7 @@ def _about(evaluate: Callable[[Array, E | None], E], unit: Array, near: E | None
 
 
 def _step(here: Evaluation, distance: Array, unit: Array, damping: float) -> Array:
-    """Return a damped Gauss-Newton step, (n,), of the n unknowns from their values ``unit``, scaled to 0..1.
-
-    distance: distance between the two points of each finite difference, (n,).
-    """
+    # A damped Gauss-Newton step, (n,).
     gradient, hessian = _normal_equations(here.misfits, distance)
     # The end of the step has coordinates from 0 to 1.
     damping = max(damping, _FACTORISED * float(np.trace(hessian)))
@@ -163,7 +132,7 @@ def _step(here: Evaluation, distance: Array, unit: Array, damping: float) -> Arr
 
 
 def _normal_equations(misfits: Sequence[Misfit], distance: Array) -> tuple[Array, Array]:
-    """Return gradient and approximate Hessian from finite differences of residuals over ``distance``."""
+    # Gradient and approximate Hessian, from finite differences of the residuals.
     n = len(distance)
     gradient, hessian = np.zeros(n), np.zeros((n, n))
     for misfit in misfits:

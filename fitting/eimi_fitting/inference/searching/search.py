@@ -1,10 +1,9 @@
-"""Minimise a function of n variables, each from 0 to 1, by CMA-ES (a random search with a normal distribution).
+"""Minimise a function of several variables by CMA-ES (a random search with a normal distribution)."""
 
-Each generation draws P points u = m + sigma N(0, C). The order of their objectives adapts the mean m, the step size
-sigma and the covariance C (Hansen, arXiv:1604.00772). In IPOP, P doubles from run to run (Auger and Hansen 2005, IEEE
-CEC, p. 1769). BIPOP adds runs with a small P and a small first step (Hansen 2009, "Benchmarking a BI-population CMA-ES
-on the BBOB-2009 function testbed", GECCO, section 2).
-"""
+# Each generation draws P points u = m + sigma N(0, C). The order of their objectives adapts the mean m, the step size
+# sigma and the covariance C (Hansen, arXiv:1604.00772). In IPOP, P doubles from run to run (Auger and Hansen 2005, IEEE
+# CEC, p. 1769). BIPOP adds runs with a small P and a small first step (Hansen 2009, "Benchmarking a BI-population
+# CMA-ES on the BBOB-2009 function testbed", GECCO, section 2).
 
 from __future__ import annotations
 
@@ -28,94 +27,68 @@ _MODULUS = 0.3  # share of that step in the first coordinate, the modulus, which
 
 
 class Values(Protocol):
-    """The objectives of P points of a search (each with a value of every unknown), and whether the points are valid."""
+    """The objectives of several points of a search, and whether the points are valid."""
 
     @property
     def objective_mm(self) -> Array:
-        """The objective of each of P points, (P,); very large if a point is not valid."""
+        """The objective of each point; very large if the point is not valid."""
 
     @property
     def unconverged(self) -> NDArray[np.bool_]:
-        """Whether the beam has no equilibrium in a load state, for each of P sets of parameters, (P,)."""
+        """For each point, whether the beam has no equilibrium in a load case."""
 
     @property
     def unstable(self) -> NDArray[np.bool_]:
-        """Whether the material law is unstable in a load state, for each of P sets of parameters, (P,)."""
+        """For each point, whether the material law is unstable in a load case."""
 
 
 @dataclass(frozen=True)
 class Objectives:
-    """The objectives of the P points of one generation of a search.
-
-    Parameters
-    ----------
-    objective_mm : tuple of float
-        The P objectives.
-    unconverged, unstable : int
-        Number of points without an equilibrium, and with an unstable law.
-    """
+    """The objectives of the points of one generation of a search."""
 
     objective_mm: tuple[float, ...]
+    # Number of points without an equilibrium, and with an unstable law.
     unconverged: int
     unstable: int
 
 
 @dataclass(frozen=True)
 class Generation:
-    """The progress of a search by CMA-ES after one generation (one set of random points).
+    """The progress of a search by CMA-ES after one generation (one set of random points)."""
 
-    Parameters
-    ----------
-    run : int
-        Number of the run, from 1.
-    best_mm : float
-        Smallest objective so far.
-    mean_mm : float
-        Mean objective of the valid points.
-    step_size : float
-        Step size sigma of CMA-ES.
-    axis_ratio : float
-        Longest over shortest axis of the normal distribution.
-    discarded : int
-        Number of points that are not valid.
-    """
-
+    # Number of the run, from 1.
     run: int
+    # Smallest objective so far.
     best_mm: float
+    # Mean objective of the valid points.
     mean_mm: float
+    # Step size sigma of CMA-ES.
     step_size: float
+    # Longest over shortest axis of the normal distribution.
     axis_ratio: float
+    # Number of points that are not valid.
     discarded: int
 
 
 @dataclass(frozen=True)
 class Run:
-    """One run of CMA-ES, a part of a search.
+    """One run of CMA-ES, a part of a search."""
 
-    Parameters
-    ----------
-    population : int
-        Number of points in a generation.
-    step_size : float
-        First step size sigma.
-    generations : int
-        Number of generations.
-    best_mm : float
-        Smallest objective.
-    stop : str
-        Reason why the run stopped.
-    """
-
+    # Number of points in a generation.
     population: int
+    # First step size sigma.
     step_size: float
+    # Number of generations.
     generations: int
+    # Smallest objective.
     best_mm: float
+    # Reason why the run stopped.
     stop: str
 
 
 @dataclass(frozen=True)
 class Discards:
-    """Number of points of a search without an equilibrium, and with an unstable material law."""
+    """The numbers of points of a search without an equilibrium, and with an unstable material law."""
 
     unconverged: int
     unstable: int
@@ -123,28 +96,15 @@ class Discards:
 
 @dataclass(frozen=True)
 class SearchResult:
-    """The point with the smallest objective that a search found, and the history of the search.
+    """The point with the smallest objective that a search found, and the history of the search."""
 
-    Parameters
-    ----------
-    unit : ndarray, shape (n,)
-        Coordinates of the point, from 0 to 1.
-    objective_mm : float
-        Objective of the point.
-    history : tuple of Generation
-        All generations.
-    runs : tuple of Run
-        All runs of CMA-ES.
-    evaluations : int
-        Number of points in all generations.
-    discarded : Discards
-        Number of points that are not valid.
-    """
-
+    # (n,): coordinates of the point, from 0 to 1, and its objective.
     unit: Array
     objective_mm: float
     history: tuple[Generation, ...]
+    # All runs of CMA-ES.
     runs: tuple[Run, ...]
+    # Number of points in all generations, and number of points that are not valid.
     evaluations: int
     discarded: Discards
 
@@ -155,7 +115,7 @@ class SearchResult:
 
 
 class OtherSearch(Exception):
-    """The stored generations of an interrupted search do not belong to the search that is resumed."""
+    """The exception for stored results of an interrupted search that belong to another search."""
 
 
 def search(
@@ -171,41 +131,11 @@ def search(
     replay: Sequence[Objectives] = (),
     progress: Callable[[Generation, Objectives], None] | None = None,
 ) -> SearchResult:
-    """Minimise a function of n variables, each from 0 to 1, by CMA-ES.
-
-    Parameters
-    ----------
-    objective : callable
-        Takes the coordinates of P points, (P, n), and returns their objectives.
-    n : int
-        Number of variables.
-    seed : int
-        Seed of the random numbers.
-    population : int, optional
-        Number of points in a generation of the first run; by default 8 for n = 1, else 8 + 2 n.
-    most_generations : int
-        Largest number of generations of one run.
-    restarts : int
-        Number of runs after the first. The population doubles from run to run.
-    bipop : bool
-        Whether runs with small populations follow each restart.
-    enough_mm : float
-        A run stops if the objectives of a whole generation differ by less.
-    replay : sequence of Objectives
-        Objectives of the first generations of an interrupted search, which are not computed again.
-    progress : callable, optional
-        Called after each generation with the generation and its objectives.
-
-    Returns
-    -------
-    SearchResult
-        The point with the smallest objective, and the history of the search.
-
-    Raises
-    ------
-    OtherSearch
-        ``replay`` belongs to another search.
-    """
+    """Minimise a function of several variables, each from 0 to 1, by CMA-ES (a random search)."""
+    # objective: takes the coordinates of P points, (P, n). population: of the first run; by default 8 for n = 1, else 8
+    # + 2 n; it doubles from run to run. bipop: whether runs with small populations follow each restart. enough_mm: a
+    # run stops if the objectives of a whole generation differ by less. replay: objectives of the first generations of
+    # an interrupted search. progress: called after each generation. Raises OtherSearch.
     rng = np.random.default_rng(seed)
     log = _Log(n, replay, progress)
     for first_step, size, most in _runs(rng, population or (8 if n == 1 else 8 + 2 * n), restarts, bipop, log.runs):
@@ -233,14 +163,11 @@ def _evaluated(objective: Callable[[Array], Values], candidates: Array) -> Objec
 
 
 def _reason_of_population(values: Array, enough_mm: float) -> list[str]:
-    """Return a reason to stop if the objectives (mm) of a generation differ by less than ``enough_mm``."""
     is_close = bool((values < DISCARDED_MM).all()) and np.ptp(values) < enough_mm
     return ["population"] if is_close else []
 
 
 class _Log:
-    """The history of a search, and the stored objectives of an interrupted search."""
-
     def __init__(
         self,
         n: int,
@@ -254,7 +181,7 @@ class _Log:
         self._objectives: list[Objectives] = []
 
     def replayed(self, candidates: int) -> Objectives | None:
-        """Return the stored objectives of the next generation, or None; raise OtherSearch if their number is wrong."""
+        # The stored objectives of the next generation.
         if len(self.history) >= len(self._replay):
             return None
         objectives = self._replay[len(self.history)]
@@ -266,7 +193,6 @@ class _Log:
         return objectives
 
     def add(self, strategy: CMAEvolutionStrategy, candidates: Array, objectives: Objectives) -> None:
-        """Add one generation of points to the history, and report it to the function ``progress``."""
         values = np.array(objectives.objective_mm)
         if values.min() < self._best:
             self._best, self._best_unit = float(values.min()), candidates[np.argmin(values), : self._n]
@@ -286,7 +212,6 @@ class _Log:
             self._progress(self.history[-1], objectives)
 
     def result(self) -> SearchResult:
-        """Return the point with the smallest objective so far, and the history of the search."""
         return SearchResult(
             unit=self._best_unit,
             objective_mm=self._best,
@@ -327,7 +252,7 @@ def _strategy(
 def _runs(
     rng: np.random.Generator, population: int, restarts: int, bipop: bool, done: Sequence[Run]
 ) -> Iterator[tuple[float, int, int]]:
-    """Yield, for each run of CMA-ES: initial step size, population size, and largest number of generations."""
+    # For each run of CMA-ES: initial step size, population size, and largest number of generations.
     unlimited = sys.maxsize
     yield _FIRST_STEP, population, unlimited
     large = 0  # evaluations of runs with a large population; the first run counts as a small one
