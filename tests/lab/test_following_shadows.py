@@ -138,3 +138,20 @@ def test_the_other_edge_must_give_the_stated_width_to_a_tenth(stated: float, mov
     picture = unrolled(body((50.0,), (200.0,), (0.5, 0.85, (120.0,))), stated)
     found = prefer_stated_width(picture, on_border(picture, 0.35), 1.0, 60)
     assert bool(np.median(found.edge[1]) < 0.6) is moved
+
+
+@pytest.mark.parametrize(("dark", "is_along"), [(13, False), (20, True)])
+def test_beside_a_shadow_along_a_fifth_of_the_edge_every_clear_place_is_moved(dark: int, is_along: bool) -> None:
+    # The first 13 or 20 of 80 rows lie beside a shadow. Elsewhere the edge of the body differs a little from the other.
+    shadowed = body(BEAM, GROUND, (0.5, 0.75, tuple(0.5 * value for value in GROUND)), stations=80)
+    plain = body(BEAM, GROUND, stations=80)
+    plain[:dark] = shadowed[:dark]
+    picture = unrolled(plain)
+    edges = np.outer([-0.5, 0.5], np.ones(80))
+    edges[1, :dark] = 0.75
+    left, right = (project(picture, edge, way, 1.0) for edge, way in zip(edges, (-1.0, 1.0), strict=True))
+    found = move_off_shadows(picture, Seams(edges, np.ones((2, 80)), (left, right), np.zeros((2, 80))), 1.0)
+    assert np.median(found.shadow[1, : dark - 2]) == pytest.approx(0.25, abs=0.05)
+    assert bool((found.shadow[1, 40:] != 0.0).any()) is is_along
+    assert bool((found.edge[1, 40:] != 0.5).any()) is is_along
+    assert (found.shadow[0] == 0.0).all()
