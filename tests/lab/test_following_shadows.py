@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from eimi_lab.vision.following import shadows
 from eimi_lab.vision.following.colour_seams import Seams
 from eimi_lab.vision.following.discriminant import ColourProjection, project
 from eimi_lab.vision.following.shadows import _has_hue_of_surroundings, _is_rim, is_dimmed, merged, move_off_shadows
@@ -155,3 +156,20 @@ def test_beside_a_shadow_along_a_fifth_of_the_edge_every_clear_place_is_moved(da
     assert bool((found.shadow[1, 40:] != 0.0).any()) is is_along
     assert bool((found.edge[1, 40:] != 0.5).any()) is is_along
     assert (found.shadow[0] == 0.0).all()
+
+
+@pytest.mark.parametrize(("of_light", "is_moved"), [(0.13, False), (0.45, True)])
+def test_a_dark_region_of_nearly_the_colour_of_a_dark_beam_stays_a_part_of_it(
+    monkeypatch: pytest.MonkeyPatch, of_light: float, is_moved: bool
+) -> None:
+    # The region has the hue of the surroundings. It is a rim if it has nearly the darkness of the beam, else a shadow.
+    dark_beam = (15.0, 16.0, 33.0)
+    region = tuple(of_light * value for value in GROUND)
+    picture = unrolled(body(dark_beam, GROUND, (0.5, 0.8, region)))
+    inner = on_border(picture, 0.0)
+    clear = tuple(replace(side, separation=np.full(60, 90.0)) for side in inner.projected)
+    inner = replace(inner, projected=clear)
+    monkeypatch.setattr(shadows, "find_colour_seams", lambda *_, **options: inner)
+    found = move_off_shadows(picture, on_border(picture, 0.3), 1.0)
+    assert np.median(found.edge[1]) == pytest.approx(0.5 if is_moved else 0.8, abs=0.05)
+    assert np.median(found.shadow[1]) == pytest.approx(0.3, abs=0.05)  # the doubt remains in both cases
