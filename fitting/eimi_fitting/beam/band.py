@@ -130,26 +130,17 @@ class BandAssembly:
 
 @dataclass(frozen=True)
 class BandFactor:
-    """Cholesky or LU factors of the band matrices of B candidate laws, with which linear systems are solved.
+    """Cholesky or LU factors of the band matrices of B candidate laws, with which linear systems are solved."""
 
-    Attributes
-    ----------
-    sound : ndarray of bool, shape (B,)
-        Whether each matrix could be factorised.
-    indefinite : ndarray of bool, shape (B,)
-        Whether each matrix is symmetric and not positive definite.
-    cholesky : ndarray or None
-        Cholesky factors in LAPACK's storage.
-    lu : tuple of ndarray, or None
-        LU factors and pivots in LAPACK's storage.
-    bandwidth : int
-        Number of diagonals below the main diagonal.
-    """
-
+    # (B,): whether each matrix could be factorised.
     sound: NDArray[np.bool_]
+    # (B,): whether each matrix is symmetric and not positive definite.
     indefinite: NDArray[np.bool_]
+    # Cholesky factors in LAPACK's storage.
     cholesky: Array | None
+    # LU factors and pivots in LAPACK's storage.
     lu: tuple[Array, Indices] | None
+    # Number of diagonals below the main diagonal.
     bandwidth: int
 
     def solve(self, right: Array) -> Array:

@@ -68,14 +68,9 @@ class SolidOptions:
 
 @dataclass(frozen=True)
 class SolidShapes(Shapes):
-    """The shapes of a solid model of the beam in K load states.
+    """The shapes of a solid model of the beam in K load states."""
 
-    Attributes
-    ----------
-    effect : DepthEffect or None
-        The interpolated difference between the solid and the planar shapes; None if no difference was interpolated.
-    """
-
+    # The interpolated difference between the solid and the planar shapes; None if no difference was interpolated.
     effect: DepthEffect | None = None
 
 

@@ -28,32 +28,21 @@ _PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 @dataclass(frozen=True)
 class Operators:
-    """Integrals and derivatives of the shape functions of a solid mesh: E elements with q Gauss points each.
+    """Integrals and derivatives of the shape functions of a solid mesh: E elements with q Gauss points each."""
 
-    Attributes
-    ----------
-    gradient : ndarray, shape (E, 27, 3 q)
-        Derivatives of the shape functions by x, y and z at the Gauss points, in 1/mm.
-    weighted : ndarray, shape (E, 3 q, 27)
-        Transpose of ``gradient`` multiplied by ``weights``.
-    basis : ndarray, shape (E, q, 4)
-        The four pressure functions at the Gauss points.
-    mass : ndarray, shape (E, 4)
-        Integrals of the squares of the pressure functions in mm³.
-    load : ndarray, shape (E, 27)
-        Integrals of the shape functions in mm³.
-    slope : ndarray, shape (E, 27, 3)
-        Integrals of the derivatives of the shape functions in mm².
-    weights : ndarray, shape (E, q)
-        Weights of the Gauss points in mm³.
-    """
-
+    # (E, 27, 3 q): derivatives of the shape functions by x, y and z at the Gauss points, in 1/mm.
     gradient: Array
+    # (E, 3 q, 27): transpose of ``gradient`` multiplied by ``weights``.
     weighted: Array
+    # (E, q, 4): the four pressure functions at the Gauss points.
     basis: Array
+    # (E, 4): integrals of the squares of the pressure functions in mm³.
     mass: Array
+    # (E, 27): integrals of the shape functions in mm³.
     load: Array
+    # (E, 27, 3): integrals of the derivatives of the shape functions in mm².
     slope: Array
+    # (E, q): weights of the Gauss points in mm³.
     weights: Array
 
 
@@ -120,32 +109,21 @@ def stretch(ops: Operators, nodal: Array) -> Array:
 
 
 class Evaluation(NamedTuple):
-    """Forces, stresses and strains of E elements for B candidate laws, at q Gauss points of each element.
+    """Forces, stresses and strains of E elements for B candidate laws, at q Gauss points of each element."""
 
-    Attributes
-    ----------
-    force : ndarray, shape (E, B, 3, 27)
-        Internal forces on the nodes in N.
-    F : ndarray, shape (3, 3, E, B, q)
-        Deformation gradient.
-    J : ndarray, shape (E, B, q)
-        Determinant of F.
-    S : ndarray, shape (6, E, B, q)
-        Second Piola-Kirchhoff stress in MPa.
-    D : ndarray, shape (6, 6, E, B, q)
-        Derivative of S by the Green strain, in MPa.
-    volume : ndarray, shape (6, E, B, q)
-        Derivative of S by the pressure.
-    valid : ndarray of bool, shape (B,)
-        Whether J exceeds 0.001 at all Gauss points.
-    """
-
+    # (E, B, 3, 27): internal forces on the nodes in N.
     force: Array
+    # (3, 3, E, B, q): deformation gradient.
     F: Array
+    # (E, B, q): determinant of F.
     J: Array
+    # (6, E, B, q): second Piola-Kirchhoff stress in MPa.
     S: Array
+    # (6, 6, E, B, q): derivative of S by the Green strain, in MPa.
     D: Array
+    # (6, E, B, q): derivative of S by the pressure.
     volume: Array
+    # (B,): whether J exceeds 0.001 at all Gauss points.
     valid: NDArray[np.bool_]
 
 

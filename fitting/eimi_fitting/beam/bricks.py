@@ -15,20 +15,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Bricks:
-    """A structured mesh of E hexahedra with N nodes.
+    """A structured mesh of E hexahedra with N nodes."""
 
-    Attributes
-    ----------
-    nodes : ndarray, shape (N, 3)
-        Positions (x, y, z) of the nodes in mm.
-    elements : ndarray of int, shape (E, 27)
-        Indices of the nodes of each element, in the order along, across, in depth; the last index changes fastest.
-    numbers : ndarray of int, shape (nodes along, nodes across, nodes in depth)
-        Index of the node at each point of the grid.
-    """
-
+    # (N, 3): positions (x, y, z) of the nodes in mm.
     nodes: Array
+    # (E, 27): indices of the nodes of each element, in the order along, across, in depth; the last index changes
+    # fastest.
     elements: Indices
+    # (nodes along, nodes across, nodes in depth): index of the node at each point of the grid.
     numbers: Indices
 
 

@@ -31,19 +31,13 @@ class BentCandidate:
     """A candidate law and the shapes of its planar beam model, on which the depth effect depends.
 
     The depth effect is the difference between the shapes of the solid and of the planar model.
-
-    Attributes
-    ----------
-    law : Law
-        The hyperelastic law.
-    bulk_ratio : float
-        Bulk modulus divided by initial shear modulus.
-    planar : ndarray, shape (1, K, N, 2)
-        Displacements of N nodes of the planar model in K load states, in mm.
     """
 
+    # The hyperelastic law.
     law: Law
+    # Bulk modulus divided by initial shear modulus.
     bulk_ratio: float
+    # (1, K, N, 2): displacements of N nodes of the planar model in K load states, in mm.
     planar: Array
 
     def is_alike(self, other: BentCandidate, within_mm: float) -> bool:
@@ -55,26 +49,17 @@ class BentCandidate:
 
 @dataclass(frozen=True)
 class DepthEffect:
-    """The difference d(s) between the shapes of the solid and of the planar model, a polynomial in s.
+    """The difference d(s) between the shapes of the solid and of the planar model, a polynomial in s."""
 
-    Attributes
-    ----------
-    places : tuple of float
-        The values of s at which the solid model was solved.
-    differences : tuple of Configuration
-        The values of d: solid minus planar configuration.
-    by_turn : bool
-        True: s is the rotation of the tip in rad. False: s is the load, 0 for the first and 1 for the farthest load.
-    base : DepthEffect or None
-        The depth effect of a similar candidate law, to which the polynomial is added.
-    candidate : BentCandidate or None
-        The candidate law.
-    """
-
+    # The values of s at which the solid model was solved.
     places: tuple[float, ...]
+    # The values of d: solid minus planar configuration.
     differences: tuple[Configuration, ...]
+    # True: s is the rotation of the tip in rad. False: s is the load, 0 for the first and 1 for the farthest load.
     by_turn: bool
+    # The depth effect of a similar candidate law, to which the polynomial is added.
     base: DepthEffect | None = None
+    # The candidate law.
     candidate: BentCandidate | None = None
 
     def at(self, place: float) -> Configuration:

@@ -26,38 +26,25 @@ AT_ONCE: int | None = None  # elements whose tangents are computed together: all
 
 @dataclass(frozen=True)
 class Operators:
-    """Integrals and derivatives of the shape functions of a planar mesh: E elements with q Gauss points each.
+    """Integrals and derivatives of the shape functions of a planar mesh: E elements with q Gauss points each."""
 
-    Attributes
-    ----------
-    gradient : ndarray, shape (E, 9, 2 q)
-        Derivatives of the shape functions by x and y at the Gauss points, in 1/mm.
-    weighted : ndarray, shape (E, 2 q, 9)
-        Transpose of ``gradient`` multiplied by ``weights``.
-    tangent : ndarray, shape (E, 4 q, 81)
-        Products of two derivatives of shape functions, multiplied by ``weights``.
-    pressure : ndarray, shape (E, 2 q, 27)
-        Products of a derivative of a shape function and a pressure function, multiplied by ``weights``.
-    basis : ndarray, shape (E, q, 3)
-        The three pressure functions at the Gauss points.
-    mass : ndarray, shape (E, 3)
-        Integrals of the squares of the pressure functions in mm².
-    load : ndarray, shape (E, 9)
-        Integrals of the shape functions in mm².
-    slope : ndarray, shape (E, 9, 2)
-        Integrals of the derivatives of the shape functions in mm.
-    weights : ndarray, shape (E, q)
-        Weights of the Gauss points, multiplied by the relative thickness, in mm².
-    """
-
+    # (E, 9, 2 q): derivatives of the shape functions by x and y at the Gauss points, in 1/mm.
     gradient: Array
+    # (E, 2 q, 9): transpose of ``gradient`` multiplied by ``weights``.
     weighted: Array
+    # (E, 4 q, 81): products of two derivatives of shape functions, multiplied by ``weights``.
     tangent: Array
+    # (E, 2 q, 27): products of a derivative of a shape function and a pressure function, multiplied by ``weights``.
     pressure: Array
+    # (E, q, 3): the three pressure functions at the Gauss points.
     basis: Array
+    # (E, 3): integrals of the squares of the pressure functions in mm².
     mass: Array
+    # (E, 9): integrals of the shape functions in mm².
     load: Array
+    # (E, 9, 2): integrals of the derivatives of the shape functions in mm.
     slope: Array
+    # (E, q): weights of the Gauss points, multiplied by the relative thickness, in mm².
     weights: Array
 
 
@@ -149,54 +136,35 @@ def stretch(ops: Operators, nodal: Array) -> Array:
 
 
 class Evaluation(NamedTuple):
-    """Forces, stresses and strains of E elements for B candidate laws, at q Gauss points of each element.
+    """Forces, stresses and strains of E elements for B candidate laws, at q Gauss points of each element."""
 
-    Attributes
-    ----------
-    force : ndarray, shape (E, B, 2, 9)
-        Internal forces on the nodes in N/mm.
-    F : ndarray, shape (2, 2, E, B, q)
-        Deformation gradient in the plane.
-    J : ndarray, shape (E, B, q)
-        Determinant of F.
-    energy : PlanarEnergy
-        Derivatives of the strain energy psi by F : F and J.
-    t : ndarray, shape (E, B, q)
-        Sum of the pressure and the derivative of psi by J, in MPa.
-    S : ndarray, shape (3, E, B, q)
-        Components 11, 22, 12 of the second Piola-Kirchhoff stress in MPa.
-    valid : ndarray of bool, shape (B,)
-        Whether J exceeds 0.001 at all Gauss points.
-    """
-
+    # (E, B, 2, 9): internal forces on the nodes in N/mm.
     force: Array
+    # (2, 2, E, B, q): deformation gradient in the plane.
     F: Array
+    # (E, B, q): determinant of F.
     J: Array
+    # Derivatives of the strain energy psi by F : F and J.
     energy: PlanarEnergy
+    # (E, B, q): sum of the pressure and the derivative of psi by J, in MPa.
     t: Array
+    # (3, E, B, q): components 11, 22, 12 of the second Piola-Kirchhoff stress in MPa.
     S: Array
+    # (B,): whether J exceeds 0.001 at all Gauss points.
     valid: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
 class Batch:
-    """B candidates (sets of parameters of a law) that are solved together.
+    """B candidates (sets of parameters of a law) that are solved together."""
 
-    Attributes
-    ----------
-    law : Law
-        The hyperelastic law.
-    parameters : ndarray, shape (B, n)
-        The n parameters of each candidate; moduli in MPa.
-    section : {"plane-stress", "plane-strain", "solid"}
-        How the depth is modelled.
-    bulk : ndarray, shape (B,)
-        Bulk modulus in MPa.
-    """
-
+    # The hyperelastic law.
     law: Law
+    # (B, n): the n parameters of each candidate; moduli in MPa.
     parameters: Array
+    # How the depth is modelled.
     section: Section | Literal["solid"]
+    # (B,): bulk modulus in MPa.
     bulk: Array
 
 

@@ -48,28 +48,20 @@ class SolidLoads:
     """Loads on a mesh in one load state, with one row for each of B candidate laws or one row for all.
 
     The mesh has N nodes with d coordinates. Loads on a planar mesh are per mm of depth.
-
-    Attributes
-    ----------
-    nodal : ndarray, shape (B, N, d)
-        Forces on the nodes in N.
-    force, tensor, moment : ndarray, shapes (B, 2), (B, 2, 2) and (B,)
-        Load on the rigid magnet in N, N mm and N mm. For the translation U and the matrix R of the rotation theta, its
-        potential is -force . U - tensor : R - moment theta.
-    pressure : ndarray, shape (B,)
-        Pressure on the specimen's ``pressure_face`` in N/mm².
-    in_coil : DipoleInField or None
-        The magnet in the non-uniform field of a coil.
-    silicone_in_coil : SiliconeInField or None
-        Magnetised silicone in the non-uniform field of a coil.
     """
 
+    # (B, N, d): forces on the nodes in N.
     nodal: Array
+    # `force`, `tensor`, `moment`: load on the rigid magnet in N, N mm and N mm. For the translation U and the matrix
+    # R of the rotation theta, its potential is -force . U - tensor : R - moment theta.
     force: Array
     tensor: Array
+    # (B,): pressure on the specimen's ``pressure_face`` in N/mm².
     pressure: Array
     moment: Array
+    # The magnet in the non-uniform field of a coil.
     in_coil: DipoleInField | None = None
+    # Magnetised silicone in the non-uniform field of a coil.
     silicone_in_coil: SiliconeInField | None = None
 
 
@@ -78,22 +70,15 @@ class Configuration:
     """Displacements, motion of the rigid magnet, pressures and stresses of B candidate laws in one load state.
 
     The mesh has N nodes with d coordinates, and E elements with q Gauss points each.
-
-    Attributes
-    ----------
-    displacement : ndarray, shape (B, N, d)
-        Displacements of the nodes in mm.
-    rigid : ndarray, shape (B, 3)
-        Translation (x, y) of the magnet in mm, and its rotation in rad.
-    pressure : ndarray, shape (E, B, d + 1)
-        Coefficients of the pressure functions in N/mm².
-    stress : ndarray, shape (3 or 6, E, B, q)
-        The stress in N/mm² at the Gauss points.
     """
 
+    # (B, N, d): displacements of the nodes in mm.
     displacement: Array
+    # (B, 3): translation (x, y) of the magnet in mm, and its rotation in rad.
     rigid: Array
+    # (E, B, d + 1): coefficients of the pressure functions in N/mm².
     pressure: Array
+    # (3 or 6, E, B, q): the stress in N/mm² at the Gauss points.
     stress: Array
 
     def take(self, rows: Indices) -> Configuration:
@@ -150,29 +135,19 @@ def loads_joined(parts: Sequence[SolidLoads]) -> SolidLoads:
 
 @dataclass(frozen=True)
 class _Step:
-    """One linear step of Newton's method for B candidate laws.
+    """One linear step of Newton's method for B candidate laws."""
 
-    Attributes
-    ----------
-    nodal : ndarray, shape (B, N, d)
-        Change of the displacements of N nodes with d coordinates in mm.
-    rigid : ndarray, shape (B, 3)
-        Change of the magnet's translation (x, y) in mm and rotation in rad.
-    pressure : ndarray
-        Change of the pressures, in the shape of ``Configuration.pressure``.
-    stress : ndarray
-        The stress after the step according to the linear system, in the shape of ``Configuration.stress``.
-    sound : ndarray of bool, shape (B,)
-        Whether the linear system could be solved.
-    indefinite : ndarray of bool, shape (B,)
-        Whether the tangent stiffness is not positive definite.
-    """
-
+    # (B, N, d): change of the displacements of N nodes with d coordinates in mm.
     nodal: Array
+    # (B, 3): change of the magnet's translation (x, y) in mm and rotation in rad.
     rigid: Array
+    # Change of the pressures, in the shape of ``Configuration.pressure``.
     pressure: Array
+    # The stress after the step according to the linear system, in the shape of ``Configuration.stress``.
     stress: Array
+    # (B,): whether the linear system could be solved.
     sound: NDArray[np.bool_]
+    # (B,): whether the tangent stiffness is not positive definite.
     indefinite: NDArray[np.bool_]
 
 

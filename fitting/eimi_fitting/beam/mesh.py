@@ -16,24 +16,16 @@ _FINER_AT_STEP = 5.0
 
 @dataclass(frozen=True)
 class Mesh:
-    """A structured mesh of E quadrilaterals with N nodes.
+    """A structured mesh of E quadrilaterals with N nodes."""
 
-    Attributes
-    ----------
-    nodes : ndarray, shape (N, 2)
-        Positions (x, y) of the nodes in mm.
-    elements : ndarray of int, shape (E, 9)
-        Indices of the nodes of each element, in the order along, across; the last index changes fastest.
-    columns, rows : int
-        Number of columns of nodes (each across the beam), and number of rows (each along the beam).
-    thickness : ndarray, shape (N,), or None
-        Depth of the beam at the nodes divided by a reference depth; None if the depth is constant.
-    """
-
+    # (N, 2): positions (x, y) of the nodes in mm.
     nodes: Array
+    # (E, 9): indices of the nodes of each element, in the order along, across; the last index changes fastest.
     elements: Indices
+    # `columns`, `rows`: number of columns of nodes (each across the beam), and number of rows (each along the beam).
     columns: int
     rows: int
+    # (N,): depth of the beam at the nodes divided by a reference depth; None if the depth is constant.
     thickness: Array | None = None
 
     def column(self, i: int) -> Indices:

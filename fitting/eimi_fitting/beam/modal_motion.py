@@ -23,26 +23,18 @@ _IMMOBILE = 1e18  # 1/s²
 
 @dataclass(frozen=True)
 class ReducedMotion:
-    """The stiffness and mass matrices of m shapes of small motion, for B candidate laws.
+    """The stiffness and mass matrices of m shapes of small motion, for B candidate laws."""
 
-    Attributes
-    ----------
-    material, rest, mass : ndarray, shape (B, m, m)
-        The stiffness due to the tangent of the law, the stiffness due to stresses and loads (N/mm), and the mass
-        (N s²/mm).
-    nodal : ndarray, shape (m, B, N, d)
-        Displacements of N nodes with d coordinates in mm.
-    rigid : ndarray, shape (m, B, 3)
-        Translation of the magnet in mm, and its rotation in rad.
-    sound : ndarray of bool, shape (B,)
-        Whether the equilibrium is stable.
-    """
-
+    # `material`, `rest`, `mass` (B, m, m): the stiffness due to the tangent of the law, the stiffness due to stresses
+    # and loads (N/mm), and the mass (N s²/mm).
     material: Array
     rest: Array
     mass: Array
+    # (m, B, N, d): displacements of N nodes with d coordinates in mm.
     nodal: Array
+    # (m, B, 3): translation of the magnet in mm, and its rotation in rad.
     rigid: Array
+    # (B,): whether the equilibrium is stable.
     sound: NDArray[np.bool_]
 
     def frequencies_Hz(self, count: int = 3) -> Array:

@@ -48,31 +48,21 @@ class Shapes:
     """The deformed shapes of the beam for P candidate laws in K load states.
 
     The mesh has N nodes in d dimensions. A state that could not be solved has the last shape that was reached.
-
-    Attributes
-    ----------
-    displacement : ndarray, shape (P, K, N, d)
-        Displacements of the nodes in mm.
-    rigid : ndarray, shape (P, K, 3)
-        Translation (x, y) of the magnet in mm, and its rotation in rad.
-    status : ndarray, shape (P, K)
-        `Status` of each state.
-    iterations : ndarray, shape (P, K)
-        Number of tangent stiffnesses that were factorised.
-    max_stretch : ndarray, shape (P, K)
-        Largest principal stretch in the silicone; 1 without a solution.
-    last : Configuration
-        The configurations of all candidates in the last state.
-    every : Configuration or None
-        The configurations of the first candidate in all states, if requested.
     """
 
+    # (P, K, N, d): displacements of the nodes in mm.
     displacement: Array
+    # (P, K, 3): translation (x, y) of the magnet in mm, and its rotation in rad.
     rigid: Array
+    # (P, K): `Status` of each state.
     status: NDArray[np.int8]
+    # (P, K): number of tangent stiffnesses that were factorised.
     iterations: NDArray[np.intp]
+    # (P, K): largest principal stretch in the silicone; 1 without a solution.
     max_stretch: Array
+    # The configurations of all candidates in the last state.
     last: Configuration
+    # The configurations of the first candidate in all states, if requested.
     every: Configuration | None = None
 
     @property
@@ -95,20 +85,13 @@ class Shapes:
 
 @dataclass(frozen=True)
 class Candidates:
-    """P candidates (sets of parameters of a hyperelastic law) that are solved together.
+    """P candidates (sets of parameters of a hyperelastic law) that are solved together."""
 
-    Attributes
-    ----------
-    batch : Batch
-        The candidates with their parameters in MPa.
-    field_factor : ndarray, shape (P,), or None
-        Factor on the magnetic loads; None: 1.
-    sound : ndarray of bool, shape (P,)
-        Whether all numbers are finite and the moduli positive.
-    """
-
+    # The candidates with their parameters in MPa.
     batch: Batch
+    # (P,): factor on the magnetic loads; None: 1.
     field_factor: Array | None
+    # (P,): whether all numbers are finite and the moduli positive.
     sound: NDArray[np.bool_]
 
     def take(self, rows: Indices) -> tuple[Batch, Array]:

@@ -67,20 +67,13 @@ class Magnet:
 
 @dataclass(frozen=True)
 class PressureFace:
-    """The part of a side of the beam on which a pressure acts.
+    """The part of a side of the beam on which a pressure acts."""
 
-    Attributes
-    ----------
-    side : {"left", "right"}
-        The left side (y < 0) or the right side (y > 0).
-    from_mm : float
-        Distance of the start of the part from the clamp.
-    to_mm : float or None
-        Distance of the end of the part from the clamp; None: the part ends at the tip.
-    """
-
+    # The left side (y < 0) or the right side (y > 0).
     side: Literal["left", "right"]
+    # Distance of the start of the part from the clamp.
     from_mm: float = 0.0
+    # Distance of the end of the part from the clamp; None: the part ends at the tip.
     to_mm: float | None = None
 
 

@@ -24,23 +24,15 @@ _LOWER = np.tril_indices(3)
 
 
 class Solution(NamedTuple):
-    """The solution of the linear systems of B candidate laws.
+    """The solution of the linear systems of B candidate laws."""
 
-    Attributes
-    ----------
-    nodes : ndarray, shape (B, n)
-        Changes of the n unknown displacements of nodes, in mm.
-    body : ndarray, shape (B, 3)
-        Changes of the magnet's translation (x, y) in mm and rotation in rad.
-    sound : ndarray of bool, shape (B,)
-        Whether the system could be solved.
-    indefinite : ndarray of bool, shape (B,)
-        Whether the matrix is symmetric and not positive definite.
-    """
-
+    # (B, n): changes of the n unknown displacements of nodes, in mm.
     nodes: Array
+    # (B, 3): changes of the magnet's translation (x, y) in mm and rotation in rad.
     body: Array
+    # (B,): whether the system could be solved.
     sound: Sound
+    # (B,): whether the matrix is symmetric and not positive definite.
     indefinite: Sound
 
 

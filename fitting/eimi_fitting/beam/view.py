@@ -14,18 +14,6 @@ Array = NDArray[np.float64]
 class View:
     """The view of a camera whose lens is in front of the plane of the beam.
 
-    Attributes
-    ----------
-    centre_mm : ndarray, shape (2,)
-        The point (x, y) at mid-depth on the axis of the lens.
-    stand_off_mm : float
-        Distance from the pupil of the lens to ``centre_mm``.
-    tilt_deg : tuple of float
-        Angles by which the plane of the beam is tilted toward the camera, in the direction of +x and of +y.
-    ruler_mm : ndarray, shape (2, 2), optional
-        Two points (x, y) at mid-depth. The image is scaled and rotated so that the vector between them appears in its
-        real length and direction.
-
     Examples
     --------
     The beam is tilted by 3 degrees toward the camera in the direction of +x. A point at x = 40 mm appears farther from
@@ -36,9 +24,14 @@ class View:
     [[0.0, 0.0], [40.37, 0.0]]
     """
 
+    # (2,): the point (x, y) at mid-depth on the axis of the lens.
     centre_mm: Array
+    # Distance from the pupil of the lens to ``centre_mm``.
     stand_off_mm: float
+    # Angles by which the plane of the beam is tilted toward the camera, in the direction of +x and of +y.
     tilt_deg: tuple[float, float] = (0.0, 0.0)
+    # (2, 2): two points (x, y) at mid-depth. The image is scaled and rotated so that the vector between them appears
+    # in its real length and direction.
     ruler_mm: Array | None = None
 
     def seen(self, places_mm: Array) -> Array:

@@ -1,4 +1,4 @@
-"""The signals of a recorded beam motion: cleaned of gaps and outliers, and reduced to a few independent signals.
+"""Prepare the recorded motion of a beam for a modal fit: fill gaps, replace outliers, and reduce the data.
 
 A channel is one coordinate of one recorded point. The channels are linear combinations of a few signals, which also
 fill the gaps (Beckers and Rixen 2003, J. Atmos. Oceanic Technol. 20:1839).
@@ -28,39 +28,29 @@ class TooFewFrames(Exception):
 
 @dataclass(frozen=True)
 class Signals:
-    """The cleaned channels of a recorded motion (coordinates of points), in n frames.
+    """The recorded motion of points of a beam, without gaps and outliers."""
 
-    Attributes
-    ----------
-    time_s : ndarray, shape (n,)
-        Times of the frames.
-    channels_mm : ndarray, shape (n, c)
-        Each of c channels, minus its median.
-    sigma_mm : ndarray, shape (c,)
-        Standard deviation of the noise of each channel.
-    points : ndarray of int, shape (c,)
-        Index of the point of each channel.
-    axis : ndarray of int, shape (c,)
-        Coordinate of each channel: 0 for x, 1 for y.
-    reduced : ndarray, shape (n, r)
-        The r independent signals, with noise of about unit variance.
-    patterns : ndarray, shape (r, c)
-        Weights of the signals in each channel, divided by the noise of the channel.
-    filled : float
-        Fraction of the coordinates that were missing or outliers.
-    """
+    # n frames, c channels (coordinates of points) and r signals, whose linear combinations are the channels.
 
+    # (n,): times of the frames.
     time_s: Array
+    # (n, c): each of c channels, minus its median.
     channels_mm: Array
+    # (c,): standard deviation of the noise of each channel.
     sigma_mm: Array
+    # (c,): index of the point of each channel.
     points: NDArray[np.intp]
+    # (c,): coordinate of each channel: 0 for x, 1 for y.
     axis: NDArray[np.intp]
+    # (n, r): the r independent signals, with noise of about unit variance.
     reduced: Array
+    # (r, c): weights of the signals in each channel, divided by the noise of the channel.
     patterns: Array
+    # Fraction of the coordinates that were missing or outliers.
     filled: float
 
     def between(self, first_s: float, last_s: float) -> Signals:
-        """Return the signals of the frames between two times in s."""
+        """Return the part of the motion between two times."""
         rows = (self.time_s >= first_s) & (self.time_s <= last_s)
         return Signals(
             self.time_s[rows], self.channels_mm[rows], self.sigma_mm, self.points, self.axis, self.reduced[rows],
@@ -68,12 +58,13 @@ class Signals:
         )  # fmt: skip
 
     def in_mm(self, reduced: Array) -> Array:
-        """Convert r signals, (..., r), to the displacements in c channels (coordinates of points), (..., c) in mm."""
+        """Convert signals to displacements of points in mm."""
+        # ``reduced`` (..., r) gives (..., c).
         return np.asarray(reduced @ self.patterns * self.sigma_mm)
 
 
 def signals_of(motion: Motion, after_s: float = -np.inf) -> Signals:
-    """Return the signals of a recorded motion, without gaps and outliers.
+    """Fill the gaps in a recorded motion, replace its outliers, and reduce it to a few signals.
 
     Frames with times before ``after_s`` are not used.
 
@@ -128,7 +119,7 @@ def signals_of(motion: Motion, after_s: float = -np.inf) -> Signals:
 
 
 def _frame_times(motion: Motion) -> Array:
-    """Return the time of each of n frames, (n,) in s; NaN for a frame without a time of any point."""
+    """Return the time of each frame in s, NaN if it is not known."""
     times = np.where(np.isfinite(motion.time_s), motion.time_s, np.nan)
     if not times.size:
         return np.zeros(len(times))
@@ -144,7 +135,8 @@ def _frame_times(motion: Motion) -> Array:
 
 
 def _filled(values: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Fill the gaps (NaN) and replace the outliers of c channels, (n, c); return the result and what was replaced."""
+    """Fill the gaps (NaN) and replace the outliers; return the result, and a mask of the replaced values."""
+    # ``values`` (n, c): n frames of c channels.
     missing = ~np.isfinite(values)
     time = np.arange(len(values))
     start = values.copy()
@@ -186,7 +178,8 @@ def _filled(values: Array) -> tuple[Array, NDArray[np.bool_]]:
 
 
 def _reduced(values: Array) -> tuple[Array, Array]:
-    """Reduce c channels to r signals; return the signals, (n, r), and their patterns in the channels, (r, c)."""
+    """Reduce channels to a few signals by a singular value decomposition; return the signals and their patterns."""
+    # ``values`` (n, c) gives n frames of r signals (n, r) and the weights of the signals in each channel (r, c).
     level = values.mean(axis=0)
     _, s, v = np.linalg.svd(values - level, full_matrices=False)
     noise = np.sqrt(len(values))  # singular value of white noise of unit variance, nearly

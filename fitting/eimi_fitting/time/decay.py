@@ -1,4 +1,4 @@
-"""Frequencies and loss factors of the vibrations in a ring-down (a free vibration).
+"""Frequencies and loss factors of a free vibration.
 
 Damped vibrations are fitted to the part of a recording in which the beam vibrates freely at small amplitudes.
 """
@@ -32,20 +32,15 @@ _RUN, _SPARSE = 11, 3.0  # frame gaps in a run; a run is sparse if its median ga
 
 @dataclass(frozen=True)
 class RingMode:
-    """One damped vibration exp(s t), s = -delta + i omega, with the decay rate delta and the angular frequency omega.
+    """One damped vibration, with its frequency and loss factor."""
 
-    Attributes
-    ----------
-    frequency_Hz : float
-        omega / (2 pi).
-    loss : float
-        Loss factor 2 delta / omega.
-    covariance : ndarray, shape (2, 2)
-        Covariance of ln(frequency) and loss factor.
-    """
+    # The vibration is exp(s t), s = -delta + i omega, with the decay rate delta and the angular frequency omega.
 
+    # omega / (2 pi).
     frequency_Hz: float
+    # Loss factor 2 delta / omega.
     loss: float
+    # (2, 2): covariance of ln(frequency) and loss factor.
     covariance: Array
 
     @property
@@ -57,48 +52,37 @@ class RingMode:
 
 @dataclass(frozen=True)
 class Decay:
-    """The vibrations in a ring-down (a recording of a free vibration).
+    """The fitted vibrations in a recording of a free vibration."""
 
-    Attributes
-    ----------
-    label : str
-        Where the recording comes from.
-    modes : tuple of RingMode
-        The vibrations at small amplitudes, the dominant vibration first.
-    windows : tuple of Window
-        Frequency and loss factor in parts of the recording.
-    from_s, to_s : float
-        Start and end of the fitted part.
-    amplitude_mm : float
-        Amplitude at ``from_s``, where the beam moves most.
-    frequency_change, loss_change : float
-        Relative change of the frequency, and change of the loss factor, from small amplitudes to ``amplitude_mm``.
-    time_s : ndarray, shape (n,)
-        Times of the frames of the fitted part.
-    displacement_mm, envelope_mm, modelled_mm : ndarray, shape (n,)
-        Measured vibration, amplitude, and fitted vibrations, where the beam moves most.
-    noise : float
-        Standard deviation of the residuals near the dominant frequency, divided by that of the noise of the recording.
-    doubts : tuple of str
-        Reasons to distrust the result.
-    baseline_mm : ndarray, shape (n, c)
-        The c coordinates of points without the fitted vibrations.
-    """
+    # n frames of the fitted part.
 
+    # The name of the recording.
     label: str
+    # The vibrations at small amplitudes, the dominant vibration first.
     modes: tuple[RingMode, ...]
+    # Frequency and loss factor in parts of the recording.
     windows: tuple[Window, ...]
+    # `from_s`, `to_s`: start and end of the fitted part.
     from_s: float
     to_s: float
+    # Amplitude at ``from_s``, where the beam moves most.
     amplitude_mm: float
+    # `frequency_change`, `loss_change`: relative change of the frequency, and change of the loss factor, from small
+    # amplitudes to ``amplitude_mm``.
     frequency_change: float
     loss_change: float
+    # (n,): times of the frames of the fitted part.
     time_s: Array
+    # `displacement_mm`, `envelope_mm`, `modelled_mm` (n,): measured vibration, amplitude, and fitted vibrations, where
+    # the beam moves most.
     displacement_mm: Array
     envelope_mm: Array
     modelled_mm: Array
+    # Standard deviation of the residuals near the dominant frequency, divided by that of the noise of the recording.
     noise: float
+    # Reasons to distrust the result.
     doubts: tuple[str, ...] = ()
+    # (n, c): c coordinates of points without the fitted vibrations.
     baseline_mm: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
 
@@ -107,14 +91,14 @@ class NoVibration(Exception):
 
 
 def decay_of(signals: Signals, label: str, length_mm: float, *, is_stepped: bool, hangs: bool = False) -> Decay:
-    """Find the vibrations in a ring-down (a recording of a free vibration), with frequencies and loss factors.
+    """Find the frequencies and loss factors in a recording of a free vibration.
 
     Parameters
     ----------
     signals : Signals
-        The signals of the recording.
+        The recorded motion.
     label : str
-        Where the recording comes from.
+        The name of the recording, for messages.
     length_mm : float
         Length of the beam.
     is_stepped : bool
@@ -167,7 +151,8 @@ def decay_of(signals: Signals, label: str, length_mm: float, *, is_stepped: bool
 
 
 def _fitted(part: Signals, frequency: float, hangs: bool) -> tuple[ModalFit, tuple[Window, ...], slice]:
-    """Fit damped vibrations to ``part``; return the fit, its time windows, and the slice of the windows used."""
+    """Fit damped vibrations to a recording, and their frequency and loss factor in time windows."""
+    # The slice contains the windows that are used to identify the material.
     fitted = ModalFit.first_of(part, frequency)
     part = _without_end(part, fitted)
     fitted = ModalFit.of(part, fitted.modes, False)
@@ -189,7 +174,7 @@ def _fitted(part: Signals, frequency: float, hangs: bool) -> tuple[ModalFit, tup
 
 
 def _swing_in_words(swinging: ModalFit, label: str) -> str:
-    """Return a warning that the hanging weight swings in a ring-down (a free vibration)."""
+    """Return a warning that the hanging weight swings."""
     first_Hz, other_Hz = np.exp(swinging.modes[:, 0]) / (2 * np.pi)
     return (
         f"{label}: the beam vibrates at {first_Hz:.4g} and at {other_Hz:.4g} Hz, as when the hanging weight swings "
@@ -199,7 +184,7 @@ def _swing_in_words(swinging: ModalFit, label: str) -> str:
 
 
 def _change_in_words(windows: tuple[Window, ...], used: slice, label: str, hangs: bool) -> str:
-    """Return a warning that only a part of a ring-down (a free vibration) is used, because the vibration changes."""
+    """Return a warning that only a part of a free vibration is used, because frequency or loss factor change."""
     first, last = windows[used.start], windows[used.stop - 1]
     if hangs:
         return (
@@ -216,7 +201,7 @@ def _change_in_words(windows: tuple[Window, ...], used: slice, label: str, hangs
 
 
 def _dense(signals: Signals) -> Signals:
-    """Return the signals up to the frame after which the time intervals between frames become much longer."""
+    """Return the recording up to the frame after which the frames become much rarer."""
     gaps = np.diff(signals.time_s)
     if len(gaps) < 2 * _RUN:
         return signals
@@ -227,7 +212,8 @@ def _dense(signals: Signals) -> Signals:
 
 
 def _first_frequency(signals: Signals, label: str) -> float:
-    """Return the frequency in Hz of the largest peak in the spectrum; raise NoVibration without a clear peak."""
+    """Return the frequency of the largest peak in the spectrum in Hz."""
+    # Without a clear peak it raises `NoVibration`.
     uniform, values = _uniform(signals)
     step = uniform[1] - uniform[0]
     span = uniform[-1] - uniform[0]
@@ -257,10 +243,8 @@ def _first_frequency(signals: Signals, label: str) -> float:
 
 
 def _lasting(values: Array, size: int) -> Array:
-    """Return 1 for each frequency at which the power hardly decreases during the recording, else 0.
-
-    values: r signals in n frames, (n, r). size: length of the Fourier transform.
-    """
+    """Return 1 for each frequency at which the power hardly decreases during the recording, else 0."""
+    # ``values`` (n, r): r signals in n frames. ``size``: length of the Fourier transform.
     half = len(values) // 2
     taper = np.hanning(half)[:, None]
     early, late = (
@@ -271,7 +255,7 @@ def _lasting(values: Array, size: int) -> Array:
 
 
 def _uniform(signals: Signals) -> tuple[Array, Array]:
-    """Interpolate r signals at n evenly spaced times; return the times in s, (n,), and the signals, (n, r)."""
+    """Interpolate a recording at evenly spaced times; return the times in s and the signals."""
     time = signals.time_s
     uniform = np.linspace(time[0], time[-1], len(time))
     values = np.stack([np.interp(uniform, time, z) for z in signals.reduced.T], axis=1)
@@ -279,7 +263,7 @@ def _uniform(signals: Signals) -> tuple[Array, Array]:
 
 
 def _envelope(signals: Signals, frequency: float) -> tuple[Array, Array]:
-    """Return times in s and amplitudes of a vibration in mm, (n,) each, where the beam moves most."""
+    """Return times in s, and the amplitude of a vibration in mm at the point that moves most."""
     uniform, values = _uniform(signals)
     values = values - np.polynomial.polynomial.polyval(uniform, np.polynomial.polynomial.polyfit(uniform, values, 1)).T
     n = len(uniform)
@@ -295,7 +279,7 @@ def _envelope(signals: Signals, frequency: float) -> tuple[Array, Array]:
 def _segment(
     signals: Signals, frequency: float, length_mm: float, label: str, is_stepped: bool
 ) -> tuple[float, float, list[str]]:
-    """Return start and end (s) of the part of a ring-down that is fitted, and warnings about the frames left out."""
+    """Choose the part of a free vibration for the fit; return its start and end in s, and warnings."""
     time, size = _envelope(signals, frequency)
     doubts: list[str] = []
     # Without a step of the load, the ring-down is assumed to begin at the largest amplitude.
@@ -332,17 +316,15 @@ def _segment(
 
 
 def _rises_abruptly(size: Array, at: int, period: float) -> bool:
-    """Return whether the amplitude rises so fast at the frame ``at`` that something pushed the beam.
-
-    size: the amplitude in n frames, (n,). period: the period in frames.
-    """
+    """Return whether an amplitude rises so fast that something pushed the beam."""
+    # ``size`` (n,): the amplitude in n frames. ``at``: index of the frame. ``period``: the period in frames.
     peak = at + int(np.argmax(size[at : at + round(3 * period) + 1]))
     low = np.flatnonzero(size[:peak] < size[peak] / 3)
     return bool(len(low)) and peak - int(low[-1]) <= 1.5 * period
 
 
 def _without_end(signals: Signals, fitted: ModalFit) -> Signals:
-    """Return the signals without the last frames, in which the fitted vibration is smaller than the noise."""
+    """Remove the last frames, in which the fitted vibration is smaller than the noise."""
     at_most = np.abs(fitted.linear[0]).max() + np.abs(fitted.linear[1]).max()
     time = signals.time_s - signals.time_s[0]
     size = at_most * np.exp(exponent(time, fitted.modes[0], fitted.bend).real)

@@ -1,4 +1,4 @@
-"""Checks of a ring-down: whether fitted vibrations describe the motion, and which frames at its start are disturbed."""
+"""Check whether fitted vibrations describe a recording, and whether its start is disturbed."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _FIRST_OVERTONE = 2.5  # no second mode of a beam has a frequency below this man
 
 
 def spoilt_until_s(fitted: ModalFit) -> float | None:
-    """Return the time in s at which a disturbed start of a ring-down ends; None without a disturbance."""
+    """Return the time in s at which a disturbance at the start of a free vibration ends, or None."""
     time = fitted.signals.time_s
     period = 1 / fitted.frequency_Hz
     window = max(3, round(period * (len(time) - 1) / (time[-1] - time[0])))
@@ -53,12 +53,12 @@ def unexplained_share(fitted: ModalFit) -> float:
 
 
 def is_better(later: ModalFit, whole: ModalFit) -> bool:
-    """Return whether the fit ``later``, without a disturbed start, describes its frames much better than ``whole``."""
+    """Return whether a fit without the disturbed start describes its frames much better than a fit to all frames."""
     return unexplained_share(later) < _BETTER * unexplained_share(whole)
 
 
 def refusal_of(fitted: ModalFit, label: str) -> str | None:
-    """Return the reason why fitted vibrations must not be used, as text; None if they may be used."""
+    """Return the reason why fitted vibrations must not be used, or None."""
     share = unexplained_share(fitted)
     if share < _REFUSED or fitted.noise < OVER_NOISE:
         return None
@@ -69,7 +69,7 @@ def refusal_of(fitted: ModalFit, label: str) -> str | None:
 
 
 def doubts_of(fitted: ModalFit, label: str, hangs: bool = False) -> list[str]:
-    """Return the warnings about a fit: unexplained motion, vibrations of almost equal frequency, too few frames."""
+    """Return warnings about fitted vibrations, such as too few frames."""
     doubts = []
     share, signals = unexplained_share(fitted), fitted.signals
     if share > _DOUBTED and fitted.noise > OVER_NOISE:

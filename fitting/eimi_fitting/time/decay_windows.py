@@ -1,4 +1,4 @@
-"""Frequency and loss factor of a ring-down (a free vibration) in time windows."""
+"""Frequency and loss factor of a free vibration in time windows."""
 
 from __future__ import annotations
 
@@ -24,34 +24,25 @@ _CERTAIN = 5.0  # standard deviations of such a change
 
 @dataclass(frozen=True)
 class Window:
-    """Frequency and loss factor in one time window of a ring-down (a free vibration).
+    """Frequency and loss factor of a free vibration in one time window."""
 
-    Attributes
-    ----------
-    from_s, to_s : float
-        Start and end.
-    amplitude_mm : float
-        Amplitude at the middle, where the beam moves most.
-    frequency_Hz, loss : float
-        Frequency and loss factor.
-    frequency_sigma_Hz, loss_sigma : float
-        Their standard uncertainties due to noise.
-    is_used : bool
-        Whether the window is used to identify the material.
-    """
-
+    # `from_s`, `to_s`: start and end.
     from_s: float
     to_s: float
+    # Amplitude at the middle, where the beam moves most.
     amplitude_mm: float
+    # `frequency_Hz`, `loss`: frequency and loss factor.
     frequency_Hz: float
     loss: float
+    # `frequency_sigma_Hz`, `loss_sigma`: their standard uncertainties due to noise.
     frequency_sigma_Hz: float
     loss_sigma: float
+    # Whether the window is used to identify the material.
     is_used: bool = True
 
 
 def windows_of(fitted: ModalFit) -> tuple[Window, ...]:
-    """Return the frequency and loss factor of a free vibration in parts of the recording of equal duration."""
+    """Fit frequency and loss factor of a free vibration in time windows of equal duration."""
     time, amplitude = fitted.signals.time_s, fitted.amplitude_mm()
     period = 1 / fitted.frequency_Hz
     halvings = np.log2(max(float(amplitude[0] / amplitude[-1]), 1.0))
@@ -98,7 +89,7 @@ def windows_of(fitted: ModalFit) -> tuple[Window, ...]:
 
 
 def material_windows(windows: tuple[Window, ...], hangs: bool) -> slice:
-    """Return the slice of the windows of a ring-down in which frequency and loss factor hardly change."""
+    """Return the time windows of a free vibration in which frequency and loss factor hardly change."""
     if len(windows) < 2:
         return slice(0, len(windows))
     starts = [0]
@@ -122,18 +113,16 @@ def material_windows(windows: tuple[Window, ...], hangs: bool) -> slice:
 
 
 def _largest_loss(windows: Sequence[Window]) -> float:
-    """Return an upper limit of the loss factor in time windows: the mean plus two of its standard uncertainties."""
+    """Return an upper limit of the loss factor: its mean plus two standard uncertainties."""
     weights = np.array([window.loss_sigma for window in windows]) ** -2.0
     mean = float(np.array([window.loss for window in windows]) @ weights / weights.sum())
     return mean + 2 / float(np.sqrt(weights.sum()))
 
 
 def scatter_of(windows: tuple[Window, ...], used: int, mode: Array) -> Array:
-    """Return the errors of ln(frequency) and loss factor, (2,), estimated from their changes between time windows.
-
-    They change because a swinging weight exchanges energy with the beam. used: number of windows from the first to the
-    last one that is fitted. mode: ln(angular frequency) and loss factor of the fit, (2,).
-    """
+    """Estimate the errors of ln(frequency) and loss factor from their changes between time windows."""
+    # They change because a swinging weight exchanges energy with the beam. ``used``: number of windows from the first
+    # to the last one that is fitted. ``mode`` (2,): ln(angular frequency) and loss factor of the fit.
     values = np.array([[np.log(2 * np.pi * w.frequency_Hz), w.loss] for w in windows]).reshape(-1, 2)
     sigmas = np.array([[w.frequency_sigma_Hz / w.frequency_Hz, w.loss_sigma] for w in windows]).reshape(-1, 2)
     is_large = np.array([w.amplitude_mm > _SMALL * windows[0].amplitude_mm for w in windows], bool)[:used]

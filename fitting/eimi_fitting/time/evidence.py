@@ -1,8 +1,6 @@
-"""The residuals of ring-downs (free vibrations) and of the sag at rest, to which a viscoelastic law is fitted.
+"""Residuals of free vibrations and of the sag under the own weight, for the fit of a viscoelastic law.
 
-The sag is the bending of the beam under its own weight. A residual is a computed minus a measured quantity, divided by
-its standard uncertainty. A candidate law is an instantaneous shear modulus (Pa), a Prony series, and the logarithm of a
-factor on the magnetic loads.
+A residual is a computed minus a measured quantity, divided by its standard uncertainty.
 """
 
 from __future__ import annotations
@@ -38,56 +36,40 @@ _SAG_ERROR = 0.02  # relative error of the modulus at rest, from the mesh and th
 
 
 class Evidence(Protocol):
-    """Measurements, such as one ring-down (a free vibration), to which a viscoelastic law is fitted."""
+    """Measurements to which a viscoelastic law is fitted, such as one recorded free vibration."""
 
     def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return the k residuals of P candidate laws, (P, k).
-
-        instantaneous_Pa: instantaneous shear moduli, (P,). load_log: logarithms of the factors on the magnetic loads,
-        (P,).
-        """
+        """Return the residuals of the measurements for many candidate laws, one row each."""
+        # ``instantaneous_Pa`` (P,): instantaneous shear moduli of P candidate laws. ``load_log`` (P,): logarithms of
+        # factors on the magnetic loads. The result is (P, k) for k residuals.
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the changes of k residuals by each uncertain input, such as the width, (components of the input, k).
-
-        sources: the standard uncertainties of the inputs, by which they change.
-        """
+        """Return the change of each residual if an uncertain input, such as the width, changes by its uncertainty."""
+        # ``sources``: the standard uncertainties of the inputs. The results are (components of the input, residuals).
 
 
 @dataclass(frozen=True)
 class RingEvidence:
-    """The measured frequencies and loss factors of one ring-down, to which a viscoelastic law is fitted.
+    """Measured frequencies and loss factors of a free vibration, to which a viscoelastic law is fitted."""
 
-    Attributes
-    ----------
-    table : RingTable
-        Computed frequencies of the specimen.
-    decay : Decay
-        The measured vibrations.
-    modes : tuple of (int, RingMode)
-        Index (0 for the lowest) and values of each measured mode.
-    inflation : float
-        Factor on the standard uncertainties.
-    repeats : int
-        Number of ring-downs under these loads.
-    age_s : float
-        Time from the last change of the load to the vibrations.
-    """
-
+    # Computed frequencies of the specimen.
     table: RingTable
+    # The measured vibrations.
     decay: Decay
+    # Index (0 for the lowest) and values of each measured mode.
     modes: tuple[tuple[int, RingMode], ...]
+    # Factor on the standard uncertainties.
     inflation: float = 1.0
+    # Number of ring-downs under these loads.
     repeats: int = 1
     # The beam has crept for this time under constant loads.
+    # Time from the last change of the load to the vibrations.
     age_s: float = AT_REST_S
 
     @staticmethod
     def of(table: RingTable, decay: Decay, is_stepped: bool = False) -> RingEvidence:
-        """Match the measured vibrations of a ring-down to computed modes, and return them as data for a fit.
-
-        is_stepped: whether a change of the load starts the ring-down.
-        """
+        """Match measured vibrations to computed modes of the beam."""
+        # ``is_stepped``: whether a change of the load starts the vibration.
         modes = [(0, decay.modes[0])]
         age_s = AT_REST_S
         loads = table.beam.loads
@@ -107,10 +89,7 @@ class RingEvidence:
         return RingEvidence(table, decay, tuple(modes), age_s=age_s)
 
     def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return the residuals of ln(frequency) and loss factor of all modes for P candidate laws, (P, k).
-
-        load_log: logarithms of the factors on the magnetic loads, (P,).
-        """
+        """Return the residuals of all measured frequencies and loss factors for many candidate laws, one row each."""
         at_rest = instantaneous_Pa / series.creep(self.age_s)
         relative = (instantaneous_Pa / at_rest)[:, None]
         count = max(number for number, _ in self.modes) + 1
@@ -132,10 +111,8 @@ class RingEvidence:
         return np.concatenate(rows, axis=1)
 
     def _whitened(self, number: int, mode: RingMode, gaps: Array) -> Array:
-        """Convert errors of ln(frequency) and loss factor of a mode to independent numbers of variance 1, (..., 2).
-
-        number: index of the mode, 0 for the lowest. gaps: the errors, (..., 2).
-        """
+        """Divide errors of ln(frequency) and loss factor by their uncertainties, and remove their correlation."""
+        # ``number``: index of the mode, 0 for the lowest. ``gaps`` (..., 2): the errors.
         errors = (_HIGHER_ERROR, _HIGHER_LOSS_ERROR) if number else (self._of_lowest, _LOSS_ERROR)
         # An error of the table is common to all ring-downs under equal loads, and does not average out: each ring-down
         # gets a share of the weight of one.
@@ -149,10 +126,7 @@ class RingEvidence:
         return float(np.hypot(MESH_ERROR, 0.5 * self.table.fixed_weight_log))
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the changes of k residuals by each uncertain input, such as the width, (components of the input, k).
-
-        sources: the standard uncertainties of the inputs, by which they change.
-        """
+        """Return the change of each residual if an uncertain input, such as the width, changes by its uncertainty."""
         return {
             key: np.concatenate(
                 [
@@ -167,31 +141,22 @@ class RingEvidence:
 
 @dataclass(frozen=True)
 class Sag:
-    """The sag of a beam (its bending under its own weight), measured and computed.
+    """The measured and the computed sag of a beam under its own weight."""
 
-    Attributes
-    ----------
-    computed_mm : float
-        Largest sag of a point in mm, computed with the modulus that the frequency suggests.
-    measured : float
-        The measured sag, divided by this computed sag.
-    moduli_Pa : ndarray, shape (m,)
-        Shear moduli.
-    ratios : ndarray, shape (m,)
-        The sag with each modulus in ``moduli_Pa``, divided by the sag with the modulus that the frequency suggests.
-    """
-
+    # Largest sag of a point in mm, computed with the modulus that the frequency suggests.
     computed_mm: float
+    # The measured sag, divided by this computed sag.
     measured: float
+    # (m,): shear moduli.
     moduli_Pa: Array
+    # (m,): the sag with each modulus in ``moduli_Pa``, divided by the sag with the modulus that the frequency
+    # suggests.
     ratios: Array
 
     @staticmethod
     def of(table: RingTable, motion: Motion, decay: Decay) -> Sag | None:
-        """Return the measured and the computed sag (bending under its own weight) of the beam in a recorded ring-down.
-
-        The result is None if too few points are visible, or if the computed beam does not bend.
-        """
+        """Measure and compute the sag of a beam under its own weight."""
+        # None if too few points are visible, or if the computed beam does not bend.
         late = (motion.time_s >= decay.from_s) & motion.seen
         count = late.sum(axis=0)
         points = count > 0.3 * late.shape[0]
@@ -216,7 +181,7 @@ class Sag:
         return Sag(float(np.abs(middle).max()), float(moved @ middle / size), moduli[sound], sag @ middle / size)
 
     def doubts(self, decay: Decay, length_mm: float) -> tuple[str, ...]:
-        """Return a warning if the measured sag (bending under the weight) contradicts the measured vibration."""
+        """Return a warning if the sag and the frequency of a beam contradict each other."""
         bent = _BENT_BEAM * length_mm / self.computed_mm
         if 1 - bent < self.measured < _SOFTER_AT_REST + bent:
             return ()
@@ -230,22 +195,16 @@ class Sag:
 
 @dataclass(frozen=True)
 class RestEvidence:
-    """The shear modulus of the beam at rest, from its sag (its bending under its own weight).
+    """The shear modulus of a beam at rest, from its sag under its own weight."""
 
-    Attributes
-    ----------
-    modulus_Pa : float
-        The shear modulus.
-    sigma : float
-        Its relative standard uncertainty.
-    """
-
+    # The shear modulus.
     modulus_Pa: float
+    # Its relative standard uncertainty.
     sigma: float
 
     @staticmethod
     def of(sag: Sag, table: RingTable) -> RestEvidence | None:
-        """Return the shear modulus for which the computed sag of the beam equals the measured sag, or None."""
+        """Find the shear modulus for which the computed sag of the beam equals the measured sag."""
         # A small sag, or one outside the computed range, gives no modulus.
         if sag.computed_mm < _LEAST_SAG * table.beam.specimen.length_mm:
             return None
@@ -263,20 +222,18 @@ class RestEvidence:
         return RestEvidence(modulus, float(np.hypot(_SAG_ERROR, at * straight)))
 
     def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return the residual of the modulus at rest for P candidate laws, (P, 1), divided by its uncertainty.
-
-        The residual is ln(modulus of the law after 10⁴ s / ``modulus_Pa``); `load_log` has no influence.
-        """
+        """Return the residual of the modulus at rest for many candidate laws, one row each."""
+        # It compares the moduli after 10⁴ s. ``load_log`` has no influence.
         at_rest = instantaneous_Pa * series.ratio(np.array([AT_REST_S]))[:, 0]
         return np.asarray(np.log(at_rest / self.modulus_Pa)[:, None] / self.sigma)
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the changes of the residual by each uncertain input: zeros, because they are neglected."""
+        """Return zeros: the influence of uncertain inputs on the sag is neglected."""
         return {key: np.zeros((len(SOURCES[key].parts), 1)) for key in sources}
 
 
 def with_scatter(rings: Sequence[RingEvidence]) -> tuple[RingEvidence, ...]:
-    """Increase the uncertainties of ring-downs (free vibrations) to agree with the scatter of repeated ring-downs."""
+    """Increase the uncertainties of repeated free vibrations if they scatter more than expected."""
     widened = []
     for ring in rings:
         alike = [other for other in rings if other.table is ring.table]

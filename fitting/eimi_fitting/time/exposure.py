@@ -1,4 +1,4 @@
-"""The amplitudes of a beam's vibration, corrected for the exposure time of the frames.
+"""Correct the amplitudes of a vibration for the exposure time of the frames.
 
 A frame with the exposure time T shows the mean position during T. The amplitude of a vibration of frequency f appears
 smaller by the factor sin(pi f T) / (pi f T).
@@ -16,7 +16,7 @@ _LEAST = 0.3  # exposures near a whole period leave almost no amplitude, and are
 
 
 def without_blur(decay: Decay, exposure_s: float | None) -> Decay:
-    """Return fitted vibrations with amplitudes that are corrected for the exposure time of the frames."""
+    """Correct the amplitudes of fitted vibrations for the exposure time of the frames."""
     shown = float(np.sinc(decay.modes[0].frequency_Hz * (exposure_s or 0.0)))
     if not _LEAST < shown < 1:
         return decay

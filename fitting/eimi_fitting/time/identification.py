@@ -1,4 +1,4 @@
-"""Identify the viscoelastic (Prony) law of a beam from recorded motions, and from shapes at rest if there are any."""
+"""Identify the viscoelastic (Prony) law of a beam from recorded motions and shapes at rest."""
 
 from __future__ import annotations
 
@@ -56,20 +56,13 @@ class NoRingDown(Exception):
 
 @dataclass(frozen=True)
 class RecordedMotion:
-    """A recorded motion of a beam, with the loads on the beam.
+    """A recorded motion of a beam, with the loads on the beam."""
 
-    Attributes
-    ----------
-    motion : Motion
-        The measured positions of points over time.
-    loads : Loads
-        The loads after the step of the load.
-    before : tuple of (float, Loads)
-        Earlier loads, each with the time in s at which it began, relative to the step.
-    """
-
+    # The measured positions of points over time.
     motion: Motion
+    # The loads after the step of the load.
     loads: Loads
+    # Earlier loads, each with the time in s at which it began, relative to the step.
     before: tuple[tuple[float, Loads], ...] = ()
 
     @property
@@ -80,40 +73,26 @@ class RecordedMotion:
 
 @dataclass(frozen=True)
 class StaticRun:
-    """The static states (shapes at rest under constant loads) of one run.
+    """Shapes of a beam at rest under several constant loads."""
 
-    Attributes
-    ----------
-    loads : Loads
-        The loads of K states.
-    set_s, seen_s : ndarray, shape (K,)
-        Times at which each load was set, and at which the edges were measured.
-    """
-
+    # The loads of K states.
     loads: Loads
+    # `set_s`, `seen_s` (K,): times at which each load was set, and at which the edges were measured.
     set_s: Array
     seen_s: Array
 
 
 @dataclass(frozen=True)
 class StaticStates:
-    """The static states (shapes at rest) of a specimen, and the modulus of an elastic fit to them.
+    """Shapes of a beam at rest, and the shear modulus of an elastic fit to them."""
 
-    Attributes
-    ----------
-    runs : tuple of StaticRun
-        The runs in which the states were measured.
-    modulus_Pa : float
-        Initial shear modulus of the elastic fit.
-    sigma : float
-        Its relative standard uncertainty due to noise and mesh.
-    of_picture : mapping of str to float
-        Its relative change by errors of the picture, such as the scale.
-    """
-
+    # The shapes, in runs of the bench.
     runs: tuple[StaticRun, ...]
+    # Initial shear modulus of the elastic fit.
     modulus_Pa: float
+    # Relative standard uncertainty of the modulus due to noise and mesh.
     sigma: float
+    # Relative change of the modulus by errors of the picture, such as the scale.
     of_picture: Mapping[str, float]
 
 
@@ -129,20 +108,20 @@ def identify_time(
     free_times: bool = True,
     most_terms: int = _MOST_TERMS,
 ) -> LawOfTime:
-    """Identify a shear modulus and a Prony series from free vibrations (ring-downs), creep and shapes at rest.
+    """Identify a shear modulus and a Prony series from free vibrations, creep and shapes at rest.
 
     Parameters
     ----------
     law : Law
         The hyperelastic law.
-    shape : ndarray, shape (n,)
-        The n parameters of the law. Only the ratios between the moduli are used.
+    shape : ndarray
+        The parameters of the law. Only the ratios between the moduli are used.
     specimen : Specimen
         The specimen of all motions.
     motions : sequence of RecordedMotion
-        The motions.
+        The recorded motions.
     stated : sequence of StatedSource
-        Uncertain inputs, such as the width, with their standard uncertainties.
+        Inputs with their standard uncertainties, such as the width.
     static : StaticStates, optional
         Shapes of the specimen at rest under constant loads.
     seed : int
@@ -239,7 +218,7 @@ def identify_time(
 
 
 def _doubts_of_section(table: RingTable) -> list[str]:
-    """Return a warning if a solid model gives another modulus than the planar model chosen in the specimen file."""
+    """Return a warning if a three-dimensional model of the beam gives another modulus than the planar model."""
     try:
         change = table.solid_over_stated_modulus() - 1
     except NoEquilibrium:
@@ -254,14 +233,14 @@ def _doubts_of_section(table: RingTable) -> list[str]:
 
 
 def _same(one: Loads, other: Loads) -> bool:
-    """Return whether the field and the force at the tip of two loads are equal; gravity is not compared."""
+    """Return whether two loads have equal magnetic fields and forces at the tip."""
     return bool(np.allclose(one.field_T, other.field_T) and np.allclose(one.tip_force_N, other.tip_force_N))
 
 
 def _analysed(
     motions: Sequence[RecordedMotion], specimen: Specimen
 ) -> tuple[list[tuple[RecordedMotion, Decay | None]], list[str]]:
-    """Return each motion with its fitted vibrations (None if there are none), and the warnings about the recordings."""
+    """Find the vibrations in each recorded motion, and collect the warnings."""
     analysed: list[tuple[RecordedMotion, Decay | None]] = []
     doubts = []
     for recorded in motions:
@@ -287,7 +266,7 @@ def _analysed(
 
 
 def _table_for(recorded: RecordedMotion, decay: Decay, tables: list[RingTable], beam: RingingBeam) -> RingTable:
-    """Return the computed frequencies for the loads and the hanging weight of a recorded motion."""
+    """Return the computed frequencies for the loads of a recorded motion, from ``tables`` if they are there."""
     for table in tables:
         if _same(table.beam.loads, recorded.loads) and table.beam.hanging_N == recorded.motion.hanging_N:
             return table
@@ -307,10 +286,8 @@ def _creeps(
     shape: Array,
     middle_Pa: float,
 ) -> tuple[CreepEvidence, ...]:
-    """Return the measured rotations of the tip (creep) in at most six recordings with a step of the load.
-
-    shape: the parameters of the law, (n,). middle_Pa: a typical shear modulus.
-    """
+    """Return the slow rotations of the tip in the recorded motions that begin with a step of the load."""
+    # ``shape``: the parameters of the law. ``middle_Pa``: a typical shear modulus.
     evidence = []
     for recorded, decay in analysed:
         if not recorded.is_stepped:
@@ -337,7 +314,7 @@ def _creeps(
 def _at_rest(
     ringing: Sequence[tuple[RecordedMotion, Decay]], table: RingTable, rings: Sequence[RingEvidence]
 ) -> tuple[RestEvidence | None, tuple[str, ...]]:
-    """Return the modulus from the sag of the beam (bending under the own weight) or None, and warnings."""
+    """Estimate the shear modulus from the sag of the beam under its own weight, with warnings."""
     for (recorded, _), ring in zip(ringing, rings, strict=True):
         if ring.table is table and not recorded.is_stepped:
             # A ring-down under these loads, without a step, shows the sag.
@@ -362,7 +339,7 @@ def _static_evidence(static: StaticStates | None, specimen: Specimen, law: Law, 
 def _range_s(
     rings: Sequence[RingEvidence], creeps: Sequence[CreepEvidence], static: StaticEvidence | None
 ) -> tuple[float, float]:
-    """Return the range of times in s that ring-downs (free vibrations), creep and static states cover."""
+    """Return the shortest and the longest time in s about which the data give information."""
     shortest = min(1 / (2 * np.pi * mode.frequency_Hz) for ring in rings for _, mode in ring.modes)
     longest = max(1 / (2 * np.pi * mode.frequency_Hz) for ring in rings for _, mode in ring.modes)
     for creep in creeps:

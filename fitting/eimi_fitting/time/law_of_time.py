@@ -52,10 +52,8 @@ LOAD_SOURCES = (*_OF_MOMENT, "coil")
 
 
 def relative_load_sigmas(stated: Sequence[StatedSource], specimen: Specimen) -> dict[str, float] | None:
-    """Return the relative standard uncertainty of the magnetic loads due to each uncertain input that scales them.
-
-    The result is None without a magnet, or without an uncertainty of its moment.
-    """
+    """Return the relative uncertainties of the magnetic loads, by the inputs that cause them."""
+    # None without a magnet, or without an uncertainty of its moment.
     magnet = specimen.magnet
     if magnet is None or not any(source.source in _OF_MOMENT for source in stated):
         return None
@@ -67,62 +65,46 @@ def relative_load_sigmas(stated: Sequence[StatedSource], specimen: Specimen) -> 
 
 @dataclass(frozen=True)
 class Problem:
-    """The fit of a viscoelastic law to ring-downs (free vibrations), creep and static states.
+    """The least-squares problem of a viscoelastic law: unknowns, priors and data."""
 
-    Attributes
-    ----------
-    terms : Terms
-        The unknowns of the law, with their priors.
-    evidence : tuple of Evidence
-        The data.
-    load_sigma : float
-        Prior standard deviation of ln(factor on the magnetic loads).
-    """
+    # The last of the m unknowns is ln(factor on the magnetic loads). P candidate laws are computed at once.
 
+    # The unknowns of the law, with their priors.
     terms: Terms
+    # The data.
     evidence: tuple[Evidence, ...]
+    # Prior standard deviation of ln(factor on the magnetic loads).
     load_sigma: float
 
     @property
     def mean(self) -> Array:
-        """The prior means of the m unknowns, (m,); the last one is ln(factor on the magnetic loads)."""
+        """The prior means of the unknowns."""
         return np.append(self.terms.mean, 0.0)
 
     @property
     def sigma(self) -> Array:
-        """The prior standard deviations of the m unknowns, (m,); the last one is ln(factor on the magnetic loads)."""
+        """The prior standard deviations of the unknowns."""
         return np.append(self.terms.sigma, self.load_sigma)
 
     def rows(self, unknowns: Array) -> Array:
-        """Return the k residuals of the data for P candidate laws, (P, k).
-
-        unknowns: the m unknowns of each law, (P, m).
-        """
+        """Return the residuals of the data for many candidate laws, one row each."""
+        # ``unknowns`` (P, m) gives (P, k) for k residuals.
         instantaneous, series = self.terms.split(unknowns[:, :-1])
         with np.errstate(all="ignore"):
             rows = [one.residuals(instantaneous, series, unknowns[:, -1]) for one in self.evidence]
         return np.concatenate(rows, axis=1)
 
     def residuals(self, unknowns: Array) -> Array:
-        """Return k residuals of the data and m of the priors for P candidate laws, (P, k + m).
-
-        unknowns: the m unknowns of each law, (P, m).
-        """
+        """Return the residuals of the data and of the priors for many candidate laws, one row each."""
         return np.concatenate([self.rows(unknowns), (unknowns - self.mean) / self.sigma], axis=1)
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the changes of k residuals by each uncertain input, such as the width, (components of the input, k).
-
-        sources: the standard uncertainties of the inputs, by which they change.
-        """
+        """Return the change of each residual if an uncertain input, such as the width, changes by its uncertainty."""
         parts = [one.effects(sources) for one in self.evidence]
         return {key: np.concatenate([part[key] for part in parts], axis=1) for key in sources}
 
     def chi(self, unknowns: Array) -> Array:
-        """Return the square root of the sum of the squared residuals for P candidate laws, (P,).
-
-        unknowns: the m unknowns of each law, (P, m).
-        """
+        """Return the square root of the sum of the squared residuals for each candidate law."""
         residuals = self.residuals(unknowns)
         total = np.sqrt((residuals**2).sum(axis=1))
         return np.where(np.isfinite(total), total, np.inf)
@@ -130,7 +112,7 @@ class Problem:
 
 @dataclass(frozen=True)
 class _Values:
-    """The square root of the sum of squared residuals for each of P candidate laws, in the form that `search` needs."""
+    """The objective function of many candidate laws, in the form that `search` needs."""
 
     objective_mm: Array
     unconverged: NDArray[np.bool_]
@@ -139,54 +121,42 @@ class _Values:
 
 @dataclass(frozen=True)
 class TimeOptimum:
-    """The optimum of the fit of a viscoelastic law.
+    """The optimum of the fit of a viscoelastic law."""
 
-    Attributes
-    ----------
-    problem : Problem
-        The fit.
-    unknowns : ndarray, shape (m,)
-        The m unknowns at the optimum.
-    jacobian : ndarray, shape (k + m, m)
-        Derivatives of k residuals of the data and m of the priors.
-    chi2 : float
-        Sum of the squared residuals of the data.
-    log_evidence : float
-        Logarithm of the marginal likelihood.
-    evaluations : int
-        Number of laws that were computed.
-    converged : bool
-        Whether the least-squares fit converged.
-    """
-
+    # The least-squares problem.
     problem: Problem
+    # (m,): the unknowns at the optimum.
     unknowns: Array
+    # (k + m, m): derivatives of k residuals of the data and m of the priors.
     jacobian: Array
+    # Sum of the squared residuals of the data.
     chi2: float
+    # Logarithm of the marginal likelihood.
     log_evidence: float
+    # Number of laws that were computed.
     evaluations: int
+    # Whether the least-squares fit converged.
     converged: bool
 
     @property
     def covariance(self) -> Array:
-        """The covariance of the m unknowns due to noise and priors, (m, m)."""
+        """The posterior covariance of the unknowns due to noise and priors."""
         return np.asarray(np.linalg.inv(self.jacobian.T @ self.jacobian))
 
     def steps(self, effects: Mapping[str, Array]) -> dict[str, Array]:
-        """Return the changes of the m unknowns at the optimum by each uncertain input, (components of the input, m).
-
-        effects: the changes of the k residuals by each uncertain input, (components of the input, k).
-        """
+        """Return how far uncertain inputs move the optimum."""
+        # ``effects``: the change of each residual by each input, (components of the input, k). The result is
+        # (components, m).
         gain = -self.covariance @ self.jacobian[: len(self.jacobian) - len(self.unknowns)].T
         return {key: rows @ gain.T for key, rows in effects.items()}
 
     def load_step(self, sigma: float) -> Array:
-        """Return the change of the m unknowns by a relative error ``sigma`` of the magnetic loads, (m,)."""
+        """Return how far a relative error of the magnetic loads moves the optimum."""
         # The error shifts the prior mean of ln(factor on the magnetic loads), the last unknown.
         return np.asarray(self.covariance @ self.jacobian.T[:, -1] * sigma / self.problem.load_sigma)
 
     def with_free_load(self) -> TimeOptimum:
-        """Return the optimum of the fit with almost no prior knowledge of the magnetic moment."""
+        """Repeat the fit with almost no prior knowledge of the magnetic moment."""
         problem = replace(self.problem, load_sigma=FREE_LOAD)
         unknowns, jacobian, evaluations, converged = _polished(problem, self.unknowns)
         chi2 = float((problem.rows(unknowns[None]) ** 2).sum())
@@ -196,10 +166,8 @@ class TimeOptimum:
 
 
 def optimum_of(problem: Problem, seed: int = 1, fewer: TimeOptimum | None = None) -> TimeOptimum:
-    """Return the optimum of the fit of a viscoelastic law: the best of least-squares fits from several starts.
-
-    fewer: the optimum with one term fewer in the Prony series.
-    """
+    """Fit a viscoelastic law by least squares from several starting points, and return the best optimum."""
+    # ``fewer``: the optimum with one term fewer in the Prony series, which gives further starting points.
     starts, evaluations = [problem.mean], 0
     # Some of the fits start from the optimum with one term fewer.
     if fewer is not None:
@@ -236,11 +204,8 @@ def optimum_of(problem: Problem, seed: int = 1, fewer: TimeOptimum | None = None
 
 
 def _polished(problem: Problem, start: Array) -> tuple[Array, Array, int, bool]:
-    """Fit the m unknowns by least squares.
-
-    The result contains the unknowns, the derivatives of the residuals, the number of computed candidate laws, and
-    whether the fit converged.
-    """
+    """Fit the unknowns by least squares, from one starting point."""
+    # The result: unknowns, Jacobian, number of computed candidate laws, and whether the fit converged.
     m, scale = len(start), np.minimum(problem.sigma, 1.0)
     moves = _STEP * np.concatenate([np.zeros((1, m)), np.diag(scale), -np.diag(scale)])
     last: tuple[Array, Array] = (np.full(m, np.nan), np.zeros((0, m)))
@@ -266,7 +231,7 @@ def _polished(problem: Problem, start: Array) -> tuple[Array, Array, int, bool]:
 
 
 def best_number_of_terms(problems: Sequence[Problem], seed: int = 1) -> tuple[TimeOptimum, tuple[TimeOptimum, ...]]:
-    """Return the optimum with the chosen number of terms of the Prony series, and all optima that were computed."""
+    """Choose the number of terms of the Prony series; return the chosen optimum and all optima."""
     # The problems have an increasing number of terms.
     optima: list[TimeOptimum] = []
     for problem in problems:
@@ -283,10 +248,8 @@ _STRETCH = 2.0
 
 
 def _features(terms: Terms, unknowns: Array, omegas: Array) -> Array:
-    """Return f quantities of each of P laws of time, such as ln(modulus) at ``omegas`` (rad/s), (P, f).
-
-    To draw laws fast, the residuals are approximated by a linear function of these quantities.
-    """
+    """Return quantities on which the residuals depend almost linearly, for many candidate laws."""
+    # ``unknowns`` (P, m) gives (P, f) for f quantities, such as ln(modulus) at ``omegas`` (rad/s).
     instantaneous, series = terms.split(unknowns[:, :-1])
     ratio = series.complex_ratio(np.broadcast_to(1j * omegas, (len(unknowns), len(omegas))))
     moduli = instantaneous[:, None] * series.ratio(_FEATURE_TIMES_S)
@@ -302,11 +265,9 @@ def _features(terms: Terms, unknowns: Array, omegas: Array) -> Array:
 
 
 def drawn(optimum: TimeOptimum, steps: Mapping[str, Array], seed: int, omegas: Array, of_sources: bool = True) -> Array:
-    """Return random draws of the m unknowns from their posterior distribution, (draws, m).
-
-    steps: the changes of the unknowns by each uncertain input, (components of the input, m). omegas: angular
-    frequencies of the data in rad/s. of_sources: whether the draws contain the errors of the inputs.
-    """
+    """Draw random values of the unknowns from their posterior distribution."""
+    # ``steps``: the change of the unknowns by each uncertain input. ``omegas``: angular frequencies of the data in
+    # rad/s. ``of_sources``: whether the draws contain the errors of the inputs. The result is (draws, m).
     problem, at = optimum.problem, optimum.unknowns
     rng = np.random.default_rng(seed)
     m = len(at)

@@ -30,31 +30,24 @@ _NODES = 65  # of a curve
 
 @dataclass(frozen=True)
 class LoadCurve:
-    """The moment of the loads on a beam as a function of the rotation of the tip.
+    """The moment of the loads on a beam as a function of the rotation of the tip."""
 
-    Moments are divided by a constant of the beam in m³ and have the unit Pa rad.
+    # Moments are divided by a constant of the beam in m³ and have the unit Pa rad.
 
-    Attributes
-    ----------
-    rotation : ndarray, shape (m,)
-        Increasing rotations in rad.
-    moment : ndarray, shape (m,)
-        Moment at each rotation; in equilibrium it equals the shear modulus times the rotation.
-    of_field : ndarray, shape (m,)
-        Part of ``moment`` that is proportional to the magnetic field.
-    """
-
+    # (m,): increasing rotations in rad.
     rotation: Array
+    # (m,): moment at each rotation; in equilibrium it equals the shear modulus times the rotation.
     moment: Array
+    # (m,): part of ``moment`` that is proportional to the magnetic field.
     of_field: Array
 
     @staticmethod
     def through(nominal: tuple[Array, Array], stronger: tuple[Array, Array], factor: float) -> LoadCurve:
-        """Interpolate the moment of the loads between states in the nominal field and in a stronger field.
-
-        nominal: rotations of the tip and moments in the nominal field. stronger: those in a field that is ``factor``
-        times as strong; their difference gives the part of the moment that is due to the field.
-        """
+        """Interpolate the moment of the loads between static solutions in a nominal and in a stronger field."""
+        # ``nominal``, ``stronger``: rotations of the tip and moments. The stronger field is ``factor`` times the
+        # nominal one; the difference gives the part of the moment that is due to the field.
+        # ``nominal``, ``stronger``: rotations of the tip and moments. The stronger field is ``factor`` times the
+        # nominal one; the difference gives the part of the moment that is due to the field.
         spline = _spline(*nominal)
         even = np.linspace(nominal[0].min(), nominal[0].max(), _NODES)
         moment = spline(even)
@@ -66,18 +59,18 @@ class LoadCurve:
 
     @staticmethod
     def of_gravity(stiffness_Pa: float) -> LoadCurve:
-        """Return the moment of gravity, which acts like a spring: -``stiffness_Pa`` times the rotation of the tip."""
+        """Return the moment of gravity, which is -``stiffness_Pa`` times the rotation of the tip."""
         ends = np.array([-3.0, 3.0])
         return LoadCurve(ends, -stiffness_Pa * ends, 0 * ends)
 
     def at(self, rotation: Array) -> tuple[Array, Array]:
-        """Return the moment and its derivative at P rotations of the tip (rad), (P,)."""
+        """Return the moment and its derivative at many rotations of the tip in rad."""
         x, y, slopes = self.rotation, self.moment, self._slopes
         i = np.searchsorted(x[1:-1], rotation)
         return y[i] + slopes[i] * (rotation - x[i]), slopes[i]
 
     def at_even_rotations(self) -> LoadCurve:
-        """Return the moment of the loads, interpolated at equally spaced rotations of the tip."""
+        """Interpolate the moment at equally spaced rotations of the tip."""
         even = np.linspace(self.rotation[0], self.rotation[-1], _NODES)
         return LoadCurve(even, self.at(even)[0], np.interp(even, self.rotation, self.of_field))
 
@@ -95,17 +88,11 @@ def _spline(x: Array, y: Array) -> Callable[[Array], Array]:
 
 @dataclass(frozen=True)
 class LoadStep:
-    """Loads on a beam that begin at the time ``time_s`` and act until the next loads begin.
+    """Loads on a beam that act from a given time until the next loads begin."""
 
-    Attributes
-    ----------
-    time_s : float
-        Time at which the loads begin.
-    curve : LoadCurve
-        Their moment as a function of the rotation of the tip.
-    """
-
+    # Time at which the loads begin.
     time_s: float
+    # Their moment as a function of the rotation of the tip.
     curve: LoadCurve
 
 
@@ -116,11 +103,9 @@ def creep(
     times_s: Array,
     load_factor: Array,
 ) -> Array:
-    """Return the rotation of the tip of a creeping beam at m times for P candidate laws, (P, m) in rad.
-
-    instantaneous_Pa: instantaneous shear moduli, (P,). times_s: increasing times, (m,). load_factor: factors on the
-    magnetic loads, (P,).
-    """
+    """Compute the rotation of the tip of a creeping beam over time for many candidate laws."""
+    # ``instantaneous_Pa``, ``load_factor`` (P,): instantaneous shear moduli, and factors on the magnetic loads, of P
+    # laws. ``times_s`` (m,): increasing times. The result is (P, m) in rad.
     return CreepHistories([(steps, times_s)]).rotations(instantaneous_Pa, series, load_factor)[0]
 
 
@@ -168,10 +153,9 @@ class CreepHistories:
         self._others = _lines(rotations, np.stack([curve.moment for curve in even]) - of_field)
 
     def rotations(self, instantaneous_Pa: Array, series: Prony, load_factor: Array) -> list[Array]:
-        """Return the rotations of the tip for P candidate laws at the m times of each history, (P, m) in rad.
-
-        instantaneous_Pa: instantaneous shear moduli, (P,). load_factor: factors on the magnetic loads, (P,).
-        """
+        """Compute the rotation of the tip over time for many candidate laws, in rad, for each history of loads."""
+        # ``instantaneous_Pa``, ``load_factor`` (P,): instantaneous shear moduli, and factors on the magnetic loads, of
+        # P laws. Each result is (P, m) for the m times of the history.
         steps = len(self._spans_s)
         rates, terms = (1 / series.tau_s).T[:, None], (instantaneous_Pa[:, None] * series.g).T[:, None]
         decays = self._spans_s[:, None] * rates  # (time steps, n, E, P)
@@ -202,31 +186,21 @@ class CreepHistories:
 
 
 def _lines(rotations: Array, moments: Array) -> Array:
-    """Return slopes and values at 0 of the lines between neighbouring points of load curves, (2, curves * lines).
-
-    rotations, moments: the points of each `LoadCurve`: rotations of the tip in rad, and moments of the loads in Pa rad,
-    (curves, lines + 1).
-    """
+    """Return the slope and the value at 0 of each line between neighbouring points of the load curves."""
+    # ``rotations`` in rad and ``moments`` in Pa rad: (curves, lines + 1). The result is (2, curves * lines).
     slopes = np.diff(moments, axis=1) / np.diff(rotations, axis=1)
     return np.stack([slopes.ravel(), (moments[:, :-1] - slopes * rotations[:, :-1]).ravel()])
 
 
 @dataclass(frozen=True)
 class _Plan:
-    """The time steps in which the creep of a beam under one history of loads is computed.
+    """The time steps in which the creep of a beam is computed."""
 
-    Attributes
-    ----------
-    spans_s : ndarray, shape (m,)
-        Duration of each step.
-    curves : list of LoadCurve
-        Moment of the loads in each step.
-    wanted : ndarray of int
-        Steps at whose ends the rotation is needed.
-    """
-
+    # (m,): duration of each step.
     spans_s: Array
+    # Moment of the loads in each step.
     curves: list[LoadCurve]
+    # Steps at whose ends the rotation is needed.
     wanted: NDArray[np.intp]
 
 
@@ -249,7 +223,7 @@ def _plan(steps: tuple[LoadStep, ...], times_s: Array) -> _Plan:
 
 
 def _ends_of_steps(first: float, last: float, wanted: Array, is_last: bool) -> list[float]:
-    """Return the ends of the integration steps (s) between changes of the load at ``first`` and ``last``."""
+    """Return the ends of the integration steps in s between two changes of the load."""
     decades = max(np.log10((last - first) / _FIRST_STEP_S), 0.1)
     per_decade = _STEPS_PER_DECADE if is_last else _EARLIER_STEPS_PER_DECADE
     regular = first + np.geomspace(_FIRST_STEP_S, last - first, int(np.ceil(decades * per_decade)) + 1)

@@ -1,4 +1,4 @@
-"""Measured motions of a beam: ring-downs (free vibrations) and creep."""
+"""Measured motions of a beam: free vibrations and creep."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ Kind = Literal["ring_down", "creep"]
 
 @dataclass(frozen=True)
 class Motion:
-    """A recorded ring-down or creep of a beam: positions of points on the centre line, or of tracked markers.
+    """A recorded free vibration or creep of a beam: positions of points on the centre line, or of tracked markers.
 
     Times are measured from the step of the load, if there is one.
 
     Parameters
     ----------
     kind : {"ring_down", "creep"}
-        Vibrations ("ring_down"), or the slow motion after a step of the load ("creep").
+        A free vibration ("ring_down"), or the slow motion after a step of the load ("creep").
     points_mm : ndarray, shape (n, p, 2)
         Positions (x, y) of p points in n frames, in the beam frame; NaN where a point was not visible.
     rest_mm : ndarray, shape (p, 2)
@@ -46,7 +46,7 @@ class Motion:
     hanging_N : float
         Weight that hangs at the tip during the motion.
     label : str
-        Where the motion comes from.
+        The name of the recording.
 
     Raises
     ------
@@ -98,7 +98,7 @@ class Motion:
 
     @property
     def seen(self) -> NDArray[np.bool_]:
-        """Whether each of the p points was visible in each of the n frames, shape (n, p)."""
+        """Whether each point was visible in each frame, (frames, points)."""
         return np.asarray(
             np.isfinite(self.points_mm).all(axis=2) & np.isfinite(self.time_s) & np.isfinite(self.sigma_mm)
         )

@@ -1,6 +1,6 @@
-"""Modal fit: damped vibrations of a beam, fitted to the signals of a ring-down.
+"""Modal fit: damped vibrations of a beam, fitted to its recorded motion.
 
-Each signal is a sum of damped vibrations and a slow baseline,
+Each signal of the recording is a sum of damped vibrations and a slow baseline,
 
     z(t) = sum_k Re(a_k exp(psi_k(t))) + baseline(t),
 
@@ -37,44 +37,33 @@ _CLOSE, _CANCELLING = 1.5, 1.5  # ratio of close frequencies; sum of their ampli
 
 @dataclass(frozen=True)
 class ModalFit:
-    """A fit of m damped vibrations (modes) to the signals of a ring-down (a free vibration).
+    """A fit of damped vibrations to the recorded motion of a beam."""
 
-    Attributes
-    ----------
-    signals : Signals
-        The signals of the ring-down: r linear combinations of the measured displacements in n frames.
-    modes : ndarray, shape (m, 2)
-        ln(angular frequency in rad/s) and loss factor of each mode.
-    bend : ndarray, shape (2,)
-        Changes of the first mode from small amplitudes to the amplitude in the first frame: relative change of its
-        frequency (kappa_1), and half of the change of its loss factor (kappa_2).
-    has_bend : bool
-        Whether ``bend`` was fitted.
-    chi2 : float
-        Sum of the squared residuals.
-    noise : float
-        Standard deviation of ``residuals`` (near the first frequency, if it is larger there).
-    covariance : ndarray
-        Covariance of ``modes`` and ``bend``.
-    residuals : ndarray, shape (n, r)
-        Residuals of the r signals.
-    linear : ndarray, shape (f, r)
-        Coefficients of f functions of time, which are fitted to the signals.
-    """
+    # m modes of vibration; r signals in n frames.
 
+    # The recorded motion, of which the signals are linear combinations.
     signals: Signals
+    # (m, 2): ln(angular frequency in rad/s) and loss factor of each mode.
     modes: Array
+    # (2,): changes of the first mode from small amplitudes to the amplitude in the first frame: relative change of
+    # its frequency (kappa_1), and half of the change of its loss factor (kappa_2).
     bend: Array
+    # Whether ``bend`` was fitted.
     has_bend: bool
+    # Sum of the squared residuals.
     chi2: float
+    # Standard deviation of ``residuals`` (near the first frequency, if it is larger there).
     noise: float
+    # Covariance of ``modes`` and ``bend``.
     covariance: Array
+    # (n, r): residuals of the r signals.
     residuals: Array
+    # (f, r): coefficients of f functions of time, which are fitted to the signals.
     linear: Array
 
     @staticmethod
     def first_of(signals: Signals, frequency: float) -> ModalFit:
-        """Fit one damped vibration, with a frequency near ``frequency`` (Hz), to the signals of a ring-down."""
+        """Fit one damped vibration with a given approximate frequency in Hz."""
         start = np.array([np.log(2 * np.pi * frequency), 0.0])
         values = [_misfit(signals, np.array([start[0], loss])) for loss in _LOSSES]
         start[1] = _LOSSES[int(np.argmin(values))]
@@ -82,11 +71,9 @@ class ModalFit:
 
     @staticmethod
     def of(signals: Signals, modes: Array, has_bend: bool) -> ModalFit:
-        """Fit modes to the signals of a ring-down (a free vibration), starting from ``modes``.
-
-        modes: ln(angular frequency in rad/s) and loss factor of each mode, (m, 2). has_bend: whether to fit the change
-        of the first mode with the amplitude.
-        """
+        """Fit several damped vibrations, from given starting values."""
+        # ``modes`` (m, 2): ln(angular frequency in rad/s) and loss factor of each mode. ``has_bend``: whether to fit
+        # the change of the first mode with the amplitude.
         count = len(modes)
 
         def residuals(x: Array) -> Array:
@@ -112,24 +99,20 @@ class ModalFit:
         return ModalFit(signals, fitted, bend, has_bend, chi2, noise, covariance, residual, linear)
 
     def widened(self, sigma: Array) -> ModalFit:
-        """Return the fit with larger uncertainties of its first vibration.
-
-        sigma: standard uncertainties of ln(frequency) and loss factor, added in quadrature, (2,).
-        """
+        """Return the fit with larger uncertainties of its first vibration."""
+        # ``sigma`` (2,): standard uncertainties of ln(frequency) and loss factor, added in quadrature.
         covariance = self.covariance.copy()
         covariance[:2, :2] += np.diag(sigma**2)
         return replace(self, covariance=covariance)
 
     @property
     def frequency_Hz(self) -> float:
-        """Frequency in Hz of the first mode at small amplitudes."""
+        """Frequency of the first mode at small amplitudes."""
         return float(np.exp(self.modes[0, 0]) / (2 * np.pi))
 
     def vibration_mm(self, which: int | None = None) -> Array:
-        """Return the fitted vibrations in n frames and c channels (coordinates of points), (n, c) in mm.
-
-        which: index of one mode; None for the sum of all modes and harmonics.
-        """
+        """Return the displacement of each point over time in one mode, or in the sum of all modes."""
+        # The result is (n, c) for c coordinates of points. The sum contains the harmonics.
         design = design_matrix(self.signals.time_s, self.modes, self.bend)
         rows = np.arange(2 * len(self.modes) + 4) if which is None else np.arange(2 * which, 2 * which + 2)
         return self.signals.in_mm(design[:, rows] @ self.linear[rows])
@@ -148,7 +131,7 @@ class ModalFit:
         return bool((np.abs(self.bend) <= _MOST_BEND * [1.0, self.modes[0, 1]]).all())
 
     def strongest_first(self) -> ModalFit:
-        """Return the fit with reordered modes: the largest of those close in frequency to ``modes[0]`` comes first."""
+        """Return the fit with the largest vibration near the first frequency as the first mode."""
         sizes = [float(np.abs(self.vibration_mm(k)).max()) for k in range(len(self.modes))]
         close = np.abs(self.modes[:, 0] - self.modes[0, 0]) < np.log(_CLOSE)
         strongest = int(np.argmax(np.where(close, sizes, 0.0)))
@@ -158,21 +141,21 @@ class ModalFit:
         return ModalFit.of(self.signals, self.modes[order], False)
 
     def slow_mm(self) -> Array:
-        """Return the fitted slow motion in n frames and c channels (coordinates of points), (n, c) in mm."""
+        """Return the fitted slow motion of each point over time."""
         # The shift with the square of the amplitude is nearly a part of the baseline; only their sum is determined.
         first = 2 * len(self.modes) + 4
         design = design_matrix(self.signals.time_s, self.modes, self.bend)
         return self.signals.in_mm(design[:, first:] @ self.linear[first:])
 
     def amplitude_mm(self) -> Array:
-        """Return the amplitude of the first mode in n frames, (n,) in mm, for the coordinate that moves most."""
+        """Return the amplitude of the first mode over time, at the point that moves most."""
         complex_amplitude = self.signals.in_mm(self.linear[0]) - 1j * self.signals.in_mm(self.linear[1])
         time = self.signals.time_s - self.signals.time_s[0]
         return float(np.abs(complex_amplitude).max()) * np.exp(exponent(time, self.modes[0], self.bend).real)
 
 
 def with_more_modes(fitted: ModalFit) -> ModalFit:
-    """Return the fit with one more vibration for each clear peak in the spectrum of the residuals."""
+    """Add one vibration to the fit for each clear peak in the spectrum of the residuals."""
     while len(fitted.modes) < _MOST_MODES:
         signals, n = fitted.signals, len(fitted.residuals)
         step = (signals.time_s[-1] - signals.time_s[0]) / (n - 1)
@@ -201,11 +184,9 @@ def with_more_modes(fitted: ModalFit) -> ModalFit:
 
 
 def exponent(time: Array, mode: Array, bend: Array) -> NDArray[np.complex128]:
-    """Return the complex exponent psi of a damped vibration Re(a exp(psi)) at n times, (n,).
-
-    mode: ln(angular frequency in rad/s) and loss factor, (2,). bend: relative change of the frequency, and half of the
-    change of the loss factor, due to the amplitude at time 0, (2,), or empty.
-    """
+    """Return the complex exponent psi of a damped vibration Re(a exp(psi)) over time."""
+    # ``mode`` (2,): ln(angular frequency in rad/s) and loss factor. ``bend`` (2,), or empty: relative change of the
+    # frequency, and half of the change of the loss factor, due to the amplitude at time 0.
     omega, loss = np.exp(mode[0]), mode[1]
     delta = 0.5 * loss * omega
     psi = (1j * omega - delta) * time
@@ -216,12 +197,9 @@ def exponent(time: Array, mode: Array, bend: Array) -> NDArray[np.complex128]:
 
 
 def design_matrix(time: Array, modes: Array, bend: Array) -> Array:
-    """Return the functions of time whose linear combinations are fitted to a ring-down, one in each column.
-
-    modes: ln(angular frequency in rad/s) and loss factor of each mode, (m, 2). bend: relative change of the
-    first mode's frequency, and half of the change of its loss factor, due to the amplitude in the first frame, (2,), or
-    empty.
-    """
+    """Return the functions of time that are fitted to a recording, one in each column."""
+    # ``modes`` (m, 2): ln(angular frequency in rad/s) and loss factor of each mode. ``bend``: as in `exponent`, for the
+    # first mode.
     t = time - time[0]
     first = exponent(t, modes[0], bend)
     waves = [first, *(exponent(t, mode, np.zeros(0)) for mode in modes[1:])]
@@ -235,13 +213,13 @@ def design_matrix(time: Array, modes: Array, bend: Array) -> Array:
 
 
 def wave(psi: NDArray[np.complex128]) -> tuple[Array, Array]:
-    """Return the real and the imaginary part of exp(psi) at n times, (n,) each."""
+    """Return the real and the imaginary part of exp(psi)."""
     size = np.exp(np.minimum(psi.real, 30.0))
     return size * np.cos(psi.imag), size * np.sin(psi.imag)
 
 
 def _baseline(time: Array, frequency: float) -> Array:
-    """Return the functions of time that describe the slow motion of the beam, one in each column, at n times."""
+    """Return the functions of time that describe the slow motion of the beam, one in each column."""
     span = time[-1] - time[0]
     # The functions are so slow that they cannot follow the vibration.
     inner = int(np.clip(span * frequency / _KNOT_PERIODS - 1, 0, _MOST_KNOTS))
@@ -254,14 +232,14 @@ def _baseline(time: Array, frequency: float) -> Array:
 
 
 def _misfit(signals: Signals, mode: Array) -> float:
-    """Return the sum of the squared residuals of a fit with one vibration of known frequency and loss factor."""
+    """Return the sum of squared residuals of a fit with one vibration of known frequency and loss factor."""
     orthogonal, _ = np.linalg.qr(design_matrix(signals.time_s, mode[None], np.zeros(0)))
     inner = orthogonal.T @ signals.reduced
     return float((signals.reduced**2).sum() - (inner**2).sum())
 
 
 def _band_noise(signals: Signals, residuals: Array, frequency: float) -> float:
-    """Return the standard deviation of white noise that has the power of the residuals near ``frequency`` (Hz)."""
+    """Return the standard deviation of white noise with the power of the residuals at a frequency in Hz."""
     n = len(residuals)
     step = (signals.time_s[-1] - signals.time_s[0]) / (n - 1)
     power = (np.abs(np.fft.rfft(residuals, axis=0)) ** 2).mean(axis=1) / n

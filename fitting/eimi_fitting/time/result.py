@@ -30,17 +30,11 @@ _CONTRADICTION = 3.0  # standard deviations
 
 @dataclass(frozen=True)
 class PronyTerm:
-    """A term of the Prony series.
+    """A term of the Prony series."""
 
-    Attributes
-    ----------
-    g : float
-        Fraction of the instantaneous modulus that the term loses.
-    tau_s : float
-        Relaxation time.
-    """
-
+    # Fraction of the instantaneous modulus that the term loses.
     g: float
+    # Relaxation time.
     tau_s: float
 
 
@@ -55,50 +49,40 @@ class ModulusAt:
 
 @dataclass(frozen=True)
 class RingDown:
-    """The result for a ring-down (a free vibration): frequency, loss factor, and the displacement over time.
+    """The result for one free vibration: frequency, loss factor, and displacement over time."""
 
-    Attributes
-    ----------
-    label : str
-        Where the recording comes from.
-    frequency_Hz, frequency_sigma_Hz : float
-        Frequency at small amplitudes and its standard uncertainty.
-    decay_loss, decay_loss_sigma : float
-        Loss factor of the decay and its standard uncertainty.
-    amplitude_mm : float
-        Amplitude at the start of the fitted part, where the beam moves most.
-    frequency_change, loss_change : float
-        Relative change of the frequency, and change of the loss factor, from small amplitudes to ``amplitude_mm``.
-    higher_Hz : tuple of float
-        Frequencies of the higher modes.
-    windows : tuple of Window
-        Frequency and loss factor in parts of the recording.
-    time_s : tuple of float
-        Times of the frames.
-    displacement_mm, envelope_mm : tuple of float
-        Displacement in the vibration, and amplitude, where the beam moves most.
-    """
-
+    # The name of the recording.
     label: str
+    # `frequency_Hz`, `frequency_sigma_Hz`: frequency at small amplitudes and its standard uncertainty.
     frequency_Hz: float
     frequency_sigma_Hz: float
     # The loss factor of the decay is 2 delta / omega with the decay rate delta and the angular frequency omega. Weight
     # and field make it differ from that of the material.
+    # `decay_loss`, `decay_loss_sigma`: loss factor of the decay and its standard uncertainty.
     decay_loss: float
     decay_loss_sigma: float
+    # Amplitude at the start of the fitted part, where the beam moves most.
     amplitude_mm: float
+    # `frequency_change`, `loss_change`: relative change of the frequency, and change of the loss factor, from small
+    # amplitudes to ``amplitude_mm``.
     frequency_change: float
     loss_change: float
+    # Frequencies of the higher modes.
     higher_Hz: tuple[float, ...]
+    # Frequency and loss factor in parts of the recording.
     windows: tuple[Window, ...]
+    # Times of the frames.
     time_s: tuple[float, ...]
+    # `displacement_mm`, `envelope_mm`: displacement in the vibration, and amplitude, where the beam moves most.
     displacement_mm: tuple[float, ...]
     envelope_mm: tuple[float, ...]
 
 
 @dataclass(frozen=True)
 class CreepCurve:
-    """A recording of creep: measured and fitted rotation of the tip in degrees, each minus its mean over time."""
+    """The measured and the fitted rotation of the tip in a recording of creep."""
+
+    # In degrees, each minus its mean over time.
 
     label: str
     time_s: tuple[float, ...]
@@ -110,77 +94,56 @@ class CreepCurve:
 
 @dataclass(frozen=True)
 class LawOfTime:
-    """The identified viscoelastic law: a shear modulus that depends on time.
+    """The identified viscoelastic law: a shear modulus that depends on time."""
 
-    mu* is the complex modulus, and mu(t) the modulus at the time t after a sudden strain.
+    # mu* is the complex modulus, and mu(t) the modulus at the time t after a sudden strain.
 
-    Attributes
-    ----------
-    frequency_Hz : float
-        Frequency of the first ring-down (free vibration).
-    loss_factor : float
-        Loss factor Im mu* / Re mu* at ``frequency_Hz``.
-    loss_interval_95 : tuple of float
-        95 % interval of the loss factor.
-    dynamic_shear_modulus : Quantity
-        Storage modulus Re mu* at ``frequency_Hz``.
-    prony : tuple of PronyTerm
-        The terms of the Prony series.
-    instantaneous_shear_modulus, long_term_shear_modulus : Quantity
-        The modulus mu(0), and the limit of mu(t) for long times.
-    known_between_s : tuple of float
-        Range of times in which the data determine mu(t) to 5 %.
-    moment : Quantity or None
-        Factor on the given magnetic moment with which static states and motions give the same modulus.
-    static_age_s : float or None
-        Median time from a static load to the measurement of the edges.
-    modulus_by_time : tuple of ModulusAt
-        The modulus mu(t) at several times.
-    ring_downs : tuple of RingDown
-        The result for each ring-down.
-    creep : tuple of CreepCurve
-        The measured and fitted rotations of each recording of creep.
-    budget : tuple of BudgetEntry
-        Contributions to the uncertainty of the dynamic modulus, the largest first.
-    small_effects : tuple of SmallEffect
-        Effects that are estimated but not corrected, such as the air.
-    log_evidence : tuple of float
-        Logarithm of the evidence (probability density of the data) for one, two, ... terms.
-    chi2, rows : float, int
-        Sum of the squared residuals, and number of residuals.
-    doubts : tuple of str
-        Reasons to distrust the result.
-    evaluations : int
-        Number of laws for which the residuals were computed.
-    wall_s : float
-        Duration of the identification.
-    """
-
+    # Frequency of the first free vibration.
     frequency_Hz: float
+    # Loss factor Im mu* / Re mu* at ``frequency_Hz``.
     loss_factor: float
+    # 95 % interval of the loss factor.
     loss_interval_95: tuple[float, float]
+    # Storage modulus Re mu* at ``frequency_Hz``.
     dynamic_shear_modulus: Quantity
+    # The terms of the Prony series.
     prony: tuple[PronyTerm, ...]
+    # `instantaneous_shear_modulus`, `long_term_shear_modulus`: the modulus mu(0), and the limit of mu(t) for long
+    # times.
     instantaneous_shear_modulus: Quantity
     long_term_shear_modulus: Quantity
+    # Range of times in which the data determine mu(t) to 5 %.
     known_between_s: tuple[float, float]
+    # Factor on the given magnetic moment with which static states and motions give the same modulus.
     moment: Quantity | None
+    # Median time from a static load to the measurement of the edges.
     static_age_s: float | None
+    # The modulus mu(t) at several times.
     modulus_by_time: tuple[ModulusAt, ...]
+    # The result for each free vibration.
     ring_downs: tuple[RingDown, ...]
+    # The measured and fitted rotations of each recording of creep.
     creep: tuple[CreepCurve, ...]
+    # Contributions to the uncertainty of the dynamic modulus, the largest first.
     budget: tuple[BudgetEntry, ...]
+    # Effects that are estimated but not corrected, such as the air.
     small_effects: tuple[SmallEffect, ...]
+    # Logarithm of the evidence (probability density of the data) for one, two, ... terms.
     log_evidence: tuple[float, ...]
+    # `chi2`, `rows`: sum of the squared residuals, and number of residuals.
     chi2: float
     rows: int
+    # Reasons to distrust the result.
     doubts: tuple[str, ...]
+    # Number of laws for which the residuals were computed.
     evaluations: int
+    # Duration of the identification.
     wall_s: float
 
 
 def storage_modulus(terms: Terms, unknowns: Array, omega: float) -> Array:
-    """Return the storage modulus of P candidate laws at the angular frequency ``omega`` (rad/s), (P,) in Pa."""
+    """Return the storage modulus of many candidate laws at an angular frequency in rad/s."""
+    # ``unknowns``: (P, m) for P laws with m unknowns.
     instantaneous, series = terms.split(unknowns[:, :-1])
     return np.asarray(instantaneous * series.complex_ratio(np.full((len(unknowns), 1), 1j * omega))[:, 0].real)
 
@@ -210,7 +173,7 @@ def result_of(
     exposure_s: float | None,
     wall_s: float,
 ) -> LawOfTime:
-    """Return the identified viscoelastic law at an optimum, with intervals, a budget of uncertainties and warnings.
+    """Collect the identified viscoelastic law with its intervals, its budget of uncertainties and its warnings.
 
     Parameters
     ----------
@@ -221,15 +184,15 @@ def result_of(
     rings, creeps, static : tuple of RingEvidence, tuple of CreepEvidence, StaticEvidence or None
         The data.
     data_s : tuple of float
-        Range of times that the data cover.
+        Shortest and longest time about which the data give information.
     sources : mapping of str to float
         Standard uncertainties of the inputs.
     effects, steps : mapping of str to ndarray
         Changes of the residuals and of the unknowns by these uncertainties.
     load_sigmas : mapping of str to float
         Relative standard uncertainties of the magnetic loads.
-    draws, draws_fit : ndarray, shape (D, m)
-        Random draws of the m unknowns, with the errors of the inputs and without.
+    draws, draws_fit : ndarray
+        Random draws of the unknowns, one row each, with the errors of the inputs and without.
     doubts : tuple of str
         Warnings about the recordings.
     exposure_s : float or None
@@ -311,10 +274,7 @@ def result_of(
 
 
 def _moment(free: TimeOptimum, effects: Mapping[str, Array]) -> Quantity:
-    """Return the factor by which the magnetic moment in the specimen file must be multiplied.
-
-    With this factor the static states and the motions of the beam give the same modulus.
-    """
+    """Return the factor on the magnetic moment for which shapes at rest and motions give the same modulus."""
     # The moment is unknown in the fit ``free``.
     value, noise = float(np.exp(free.unknowns[-1])), float(free.covariance[-1, -1])
     total = noise + sum(float((moves[:, -1] ** 2).sum()) for moves in free.steps(effects).values())
@@ -327,7 +287,8 @@ def _moment(free: TimeOptimum, effects: Mapping[str, Array]) -> Quantity:
 
 
 def _gain(before_Hz: float, after_Hz: float) -> float:
-    """Return the derivative of ln(modulus) by ln(frequency of the beam). ``after_Hz`` is for a 5 % higher modulus."""
+    """Return the derivative of ln(modulus) with respect to ln(frequency of the beam)."""
+    # ``after_Hz`` is the frequency with a 5 % higher modulus.
     return float(np.log(1.05) / np.log(after_Hz / before_Hz))
 
 
@@ -336,22 +297,20 @@ def _standard(count: int) -> Array:
 
 
 def _factors(count: int, small: Sequence[SmallEffect]) -> Array:
-    """Return random factors on the modulus, (count,), that represent its uncertainty due to small effects."""
+    """Draw random factors on the modulus, with the uncertainty due to small effects such as the air."""
     total = np.sqrt(sum(effect.modulus_percent**2 for effect in small)) / 100
     return np.asarray(1 + total * _standard(count + 1)[:count])
 
 
 def _interval(value: float, drawn: Array) -> tuple[float, float]:
-    """Return the 95 % interval of random draws of a quantity, extended if necessary so that it contains ``value``."""
+    """Return the 95 % interval of random draws, extended if necessary so that it contains ``value``."""
     low, high = np.quantile(drawn[np.isfinite(drawn)], [0.025, 0.975])
     return float(min(low, value)), float(max(high, value))
 
 
 def _known_between(curves: Array, start_s: float, data_s: tuple[float, float]) -> tuple[float, float]:
-    """Return the range of times around ``start_s`` in which the data determine the modulus to 5 %.
-
-    curves: the modulus at m times for D random draws, (D, m).
-    """
+    """Return the range of times around ``start_s`` in which the data determine the modulus to 5 %."""
+    # ``curves`` (D, m): the modulus at m times for D random draws.
     half_width = NORMAL_95 * np.log(np.maximum(curves, 1e-3)).std(axis=0)
     here = int(np.argmin(np.abs(np.log(_CURVE / start_s))))
     first = last = here
@@ -407,7 +366,7 @@ def _budget(
     load_sigmas: Mapping[str, float],
     small: Sequence[SmallEffect],
 ) -> tuple[BudgetEntry, ...]:
-    """Return the uncertainty of the dynamic modulus due to each uncertain input, to the noise and to small effects."""
+    """Return the uncertainty of the dynamic modulus due to each input, to the noise and to small effects."""
     entries = []
 
     def effect_percent(moves: Array) -> float:

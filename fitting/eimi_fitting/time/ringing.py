@@ -1,4 +1,4 @@
-"""The frequencies and loss factors of a specimen's free vibrations, as functions of its viscoelastic law.
+"""Frequencies and loss factors of the free vibrations of a beam, as functions of its viscoelastic law.
 
 In a vibration exp(s t), the modulus is the shear modulus at rest times a complex ratio r(s). The rate s of a mode is
 the solution of
@@ -53,17 +53,16 @@ _FINE_ACROSS = 8  # elements across the planar model that corrects the solid mod
 
 
 class RingTable:
-    """A table of the frequencies and decay rates of a specimen's free vibrations, for many viscoelastic laws.
-
-    middle_Pa: geometric mean of the shear moduli at rest.
+    """A table of the frequencies and decay rates of a beam's free vibrations, for many viscoelastic laws.
 
     Raises
     ------
     NoEquilibrium
-        The specimen has no stable equilibrium with ``middle_Pa``, or with a larger modulus of the table.
+        The beam has no stable equilibrium with the modulus ``middle_Pa``, or with a larger modulus of the table.
     """
 
     def __init__(self, beam: RingingBeam, middle_Pa: float) -> None:
+        # ``middle_Pa``: geometric mean of the shear moduli at rest.
         self.beam, self.middle_Pa = beam, middle_Pa
         logs = np.log(middle_Pa) + np.linspace(-_SPAN, _SPAN, _MODULI)
         self._load_logs = _LOAD_LOGS if beam.loads.field_T.any() else np.zeros(1)
@@ -90,11 +89,10 @@ class RingTable:
         self.range_Pa = (float(np.exp(logs[sound[0]])), float(np.exp(logs[sound[-1]])))
 
     def roots(self, log_modulus: Array, ratio: Ratio, count: int = 3, load_log: Array | None = None) -> ComplexArray:
-        """Return the complex rates s of the vibrations exp(s t) of P candidate laws, (P, count) in 1/s.
-
-        log_modulus: ln(modulus at rest in Pa), (P,). ratio: function of the rates s, (P, count), that returns the
-        complex modulus divided by the modulus at rest. load_log: logarithms of the factors on the magnetic loads, (P,).
-        """
+        """Return the complex rates s of the vibrations exp(s t) for many candidate laws, one row each."""
+        # ``log_modulus`` (P,): ln(modulus at rest in Pa) of P laws. ``ratio``: function of the rates (P, count) that
+        # returns the complex modulus divided by the modulus at rest. ``load_log`` (P,): logarithms of the factors on
+        # the magnetic loads. The result is (P, count) in 1/s.
         softer = float(np.log(self.planar_over_solid_modulus))
         inside = np.clip(log_modulus + softer, *np.log(self.range_Pa))
         beyond = np.exp(log_modulus + softer - inside)  # outside the table only the equilibrium is that at its end
@@ -110,11 +108,9 @@ class RingTable:
         return fixed_point(squares, of_inside, (len(inside), min(count, _MODES)))
 
     def _squares(self, log_modulus: Array, load_log: Array, count: int) -> Ratio:
-        """Return a function that gives the squared angular frequencies (1/s²) of the first modes of the planar model.
-
-        The function takes the ratio of the dynamic to the static modulus. log_modulus: logarithms of P static moduli,
-        (P,). load_log: logarithms of the factors on the magnetic loads, (P,). count: number of modes.
-        """
+        """Return a function that gives the squared angular frequencies of the planar model."""
+        # It takes the ratio of the dynamic to the static modulus. ``log_modulus``, ``load_log`` (P,): logarithms of P
+        # static moduli, and of factors on the magnetic loads. ``count``: number of modes.
         each = np.exp(self._size(log_modulus))[:, :, None] * self._polynomials(log_modulus)
         polynomials = np.einsum("pf,fpdk->pdk", _lagrange(self._load_logs, load_log), each)
         columns = polynomials[..., :count].swapaxes(0, 1)
@@ -126,7 +122,7 @@ class RingTable:
 
     @cached_property
     def _correction(self) -> tuple[Array, Array]:
-        """Factors on modulus and squared frequency that correct three modes of the planar model, (3,) each."""
+        """Factors on modulus and squared frequency that correct the modes of the planar model."""
         # With the factors, lambda at both `_RATIOS` is that of the three-dimensional model or finer mesh.
         at = np.clip(np.log([self.middle_Pa * self.planar_over_solid_modulus]), *np.log(self.range_Pa))
         squares = self._squares(at, np.zeros(1), _MODES)
@@ -147,13 +143,13 @@ class RingTable:
 
     @property
     def solid_over_planar(self) -> Array:
-        """The three lowest frequencies of the three-dimensional model, divided by those of the planar model, (3,)."""
+        """The lowest frequencies of the three-dimensional model, divided by those of the planar model."""
         # For a section that is not solid, a planar model with a finer mesh takes the place of this model.
         return self._better[0]
 
     @property
     def planar_over_solid_modulus(self) -> float:
-        """The factor on the modulus with which the planar model bends as far as a three-dimensional model."""
+        """The factor on the modulus with which the planar model bends as far as the three-dimensional model."""
         return self._better[1]
 
     def solid_over_stated_modulus(self) -> float:
@@ -170,10 +166,8 @@ class RingTable:
 
     @cached_property
     def fixed_weight_log(self) -> float:
-        """The value of ln(frequency) with the weight fixed to the tip, minus that with the hanging weight.
-
-        A hanging weight follows the tip only along gravity.
-        """
+        """The change of ln(frequency) if the hanging weight were fixed to the tip."""
+        # A hanging weight follows the tip only along gravity.
         beam = self.beam
         if not beam.hanging_N:
             return 0.0
@@ -183,12 +177,10 @@ class RingTable:
 
     @cached_property
     def _better(self) -> tuple[Array, float, Array]:
-        """Three results of a more accurate beam model, with which the planar model is corrected.
-
-        1. Its three lowest frequencies, divided by those of the planar model.
-        2. The factor on the modulus with which the planar model bends as far as the more accurate model.
-        3. Its squared angular frequencies for three modes and two moduli, (3, 2).
-        """
+        """Results of a more accurate beam model, which correct the planar model."""
+        # 1. Its three lowest frequencies, divided by those of the planar model. 2. The factor on the modulus with which
+        # the planar model bends as far as the more accurate model. 3. Its squared angular frequencies for three modes
+        # and two moduli, (3, 2).
         # The two moduli are the modulus times each of `_RATIOS`.
         beam, parameters = self.beam, self.beam.parameters(np.array([self.middle_Pa]))
         planar = beam.planar()
@@ -218,15 +210,9 @@ class RingTable:
         return np.asarray(ratio), float(np.exp(stiffer)), _eigenvalues(better) * factors
 
     def _finer_over_coarse(self, coarse: BeamModel, parameters: Array) -> tuple[Array, float]:
-        """Return how much a finer mesh changes the frequencies and the bending of the beam.
-
-        Returns
-        -------
-        factors : ndarray, shape (3, 2)
-            Squared frequencies of the fine mesh divided by those of the coarse mesh, for three modes and two moduli.
-        turn_deg : float
-            Rotation of the tip of the fine mesh minus that of the coarse mesh.
-        """
+        """Return how much a finer mesh changes the frequencies and the rotation of the tip."""
+        # The squared frequencies of the fine mesh divided by those of the coarse mesh, (3, 2) for three modes and two
+        # moduli, and the difference of the rotations in degrees.
         # The two moduli are the modulus times each of `_RATIOS`. The mesh of the three-dimensional model is as coarse
         # as that of ``coarse``.
         beam, fine = self.beam, BeamModel(coarse.specimen, coarse.along, _FINE_ACROSS, coarse.plane)
@@ -242,11 +228,9 @@ class RingTable:
         return squares[1] / squares[0], turned[1] - turned[0]
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return how much ln(frequency) of three modes changes if an input changes by its standard uncertainty.
-
-        sources: the standard uncertainties of the inputs, such as the width. The result has the shape (components of
-        the input, 3) for each input.
-        """
+        """Return the change of ln(frequency) if an uncertain input, such as the width, changes by its uncertainty."""
+        # ``sources``: the standard uncertainties of the inputs. The results are (components of the input, 3) for three
+        # modes.
         before = np.log(self.beam.undamped_Hz(self.middle_Pa))
         return {key: self._effect(key, sigma, before) for key, sigma in sources.items()}
 
@@ -266,14 +250,15 @@ class RingTable:
 
 
 def _eigenvalues(motion: ReducedMotion) -> Array:
-    """Return the squared angular frequencies of three modes for the modulus times each of `_RATIOS`, (3, 2) in 1/s²."""
+    """Return the squared angular frequencies of the first modes for several dynamic moduli."""
+    # (3, 2) in 1/s²: three modes, and the modulus times each of `_RATIOS`.
     ratios = np.array(_RATIOS)
     squares = squares_by_stiffening(motion.material, motion.rest, motion.mass, ratios, _MODES)
     return np.asarray(squares[0].T)
 
 
 def _lagrange(nodes: Array, at: Array) -> Array:
-    """Evaluate F Lagrange polynomials, each 1 at one of F nodes and 0 at all others, at P points, (P, F)."""
+    """Evaluate all Lagrange polynomials of given nodes at many points, one row for each point."""
     values = np.ones((len(at), len(nodes)))
     for k, node in enumerate(nodes):
         for other in np.delete(nodes, k):
@@ -286,7 +271,7 @@ def _chebyshev_points() -> Array:
 
 
 def _of_unit(x: Array) -> Array:
-    """Return the ratio of the dynamic to the static modulus for a coordinate ``x`` from -1 to 1."""
+    # The ratio of the dynamic to the static modulus for a coordinate ``x`` from -1 to 1.
     return np.asarray(2.0 * _LEAST_RATIO / (x + 1.0))
 
 

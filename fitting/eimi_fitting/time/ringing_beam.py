@@ -1,4 +1,4 @@
-"""A specimen under the loads that act during a ring-down (a free vibration), and its undamped frequencies."""
+"""A beam with the loads that act during a free vibration, and its undamped frequencies."""
 
 from __future__ import annotations
 
@@ -29,27 +29,17 @@ class NoEquilibrium(Exception):
 
 @dataclass(frozen=True)
 class RingingBeam:
-    """A specimen under the loads that act during a ring-down (a free vibration).
+    """A beam with the loads that act during a free vibration."""
 
-    Attributes
-    ----------
-    specimen : Specimen
-        The beam, with its magnet if it has one.
-    loads : Loads
-        The loads in one state.
-    law : Law
-        The hyperelastic law.
-    shape : ndarray, shape (n,)
-        The n parameters of the law for an initial shear modulus of 1 Pa.
-    hanging_N : float
-        Weight that hangs at the tip.
-    """
-
+    # The beam, with its magnet if it has one.
     specimen: Specimen
+    # The loads in one state.
     loads: Loads
+    # The hyperelastic law.
     law: Law
+    # (n,): the n parameters of the law for an initial shear modulus of 1 Pa.
     shape: Array
-    # The force of the weight is part of ``loads``. Its mass moves with the tip along gravity only.
+    # Weight that hangs at the tip. Its force is part of ``loads``. Its mass moves with the tip along gravity only.
     hanging_N: float = 0.0
 
     @property
@@ -58,22 +48,22 @@ class RingingBeam:
         return self.specimen.section
 
     def vibration(self, model: BeamModel | SolidModel) -> Vibration:
-        """Return the `Vibration` of a beam model, with the weight that hangs at the tip."""
+        """Return the `Vibration` of a beam model with the weight that hangs at the tip."""
         gravity = self.loads.gravity[0]
         size = float(np.linalg.norm(gravity))
         return Vibration(model, self.hanging_N / STANDARD_GRAVITY, gravity / size if self.hanging_N and size else None)
 
     def planar(self) -> BeamModel:
-        """Return the planar beam model of the specimen, with which the modes of vibration are computed."""
+        """Return the planar finite-element model of the beam."""
         return BeamModel(self.specimen, plane=self.specimen.planar_section)
 
     def parameters(self, modulus_Pa: Array) -> Array:
-        """Return the n parameters of the law, (B, n), for each of B initial shear moduli in Pa."""
+        """Return the parameters of the law for each of several initial shear moduli in Pa."""
         is_modulus = np.array([unit == "Pa" for unit in self.law.units])
         return np.where(is_modulus, np.asarray(modulus_Pa)[:, None] * self.shape, self.shape)
 
     def undamped_Hz(self, modulus_Pa: float, count: int = 3) -> Array:
-        """Return the lowest ``count`` undamped frequencies of the planar model with one shear modulus, (count,) in Hz.
+        """Return the lowest undamped frequencies of the beam for a shear modulus.
 
         Raises
         ------
@@ -86,13 +76,14 @@ class RingingBeam:
         return np.asarray(motion.frequencies_Hz(count)[0])
 
     def under(self, deviations: Mapping[str, Array]) -> RingingBeam:
-        """Return the beam with errors of uncertain inputs, such as the width, by their names."""
+        """Return the beam with changed inputs, such as another width."""
+        # ``deviations``: the changes of the inputs, by their names.
         return replace(
             self, specimen=specimen_under(self.specimen, deviations), loads=loads_under(self.loads, deviations)
         )
 
     def modulus_at(self, frequency_Hz: float) -> float:
-        """Return the shear modulus (Pa) at which the lowest undamped frequency of the planar model is ``frequency_Hz``.
+        """Find the shear modulus (Pa) for which the beam has a given lowest undamped frequency.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""The residuals of creep and of shapes at rest, to which a viscoelastic law is fitted."""
+"""Residuals of creep and of shapes at rest, for the fit of a viscoelastic law."""
 
 from __future__ import annotations
 
@@ -33,10 +33,8 @@ class LoadHistory:
 
     @staticmethod
     def of(beam: RingingBeam, middle_Pa: float, loads: Loads, begins_s: Sequence[float]) -> LoadHistory:
-        """Return the loads of K states over time, each as a moment that depends on the rotation of the tip.
-
-        middle_Pa: a shear modulus near the true one. begins_s: the K times (s) at which the loads begin.
-        """
+        """Compute the moment of each load on a beam as a function of the rotation of the tip."""
+        # ``middle_Pa``: a shear modulus near the true one. ``begins_s``: the time at which each load begins.
         # The moment of the loads is interpolated between static equilibria with seven moduli, in which it equals the
         # modulus times the rotation.
         model, moduli = beam.planar(), middle_Pa * np.geomspace(0.4, 2.5, _MODULI)
@@ -62,47 +60,34 @@ class LoadHistory:
 
 
 def _stiffness_of_gravity(beam: RingingBeam, middle_Pa: float) -> float:
-    """Return the part of the beam's stiffness that is due to gravity, as a shear modulus in Pa.
-
-    middle_Pa: a shear modulus near the true one.
-    """
+    """Return the stiffness of a beam that is due to gravity, as a shear modulus in Pa."""
+    # ``middle_Pa``: a shear modulus near the true one.
     motion, _ = beam.vibration(beam.planar()).about(beam.law, beam.parameters(np.array([middle_Pa])), beam.loads)
     return float(middle_Pa * motion.rest[0, 0, 0] / motion.material[0, 0, 0])
 
 
 @dataclass(frozen=True)
 class CreepEvidence:
-    """The measured slow rotation of the tip after a step of the load, to which a viscoelastic law is fitted.
+    """The measured slow rotation of the tip after a step of the load, to which a viscoelastic law is fitted."""
 
-    Attributes
-    ----------
-    history : LoadHistory
-        The loads over time.
-    time_s, rotation, sigma : ndarray, shape (k,)
-        Times after the step, rotations in rad, and their standard uncertainties.
-    squares : ndarray, shape (k,)
-        Squared amplitude of the free vibration that the step also causes, in rad².
-    label : str
-        Where the recording comes from.
-    shown : tuple of ndarray, or None
-        Increasing rotations of the tip, and the rotations that would be measured instead, in rad. They differ if the
-        beam is strongly bent. None: they are equal.
-    """
-
+    # The loads over time.
     history: LoadHistory
+    # `time_s`, `rotation`, `sigma` (k,): times after the step, rotations in rad, and their standard uncertainties.
     time_s: Array
     rotation: Array
     sigma: Array
-    # The vibration shifts the mean rotation of a bent beam in proportion to this square.
+    # (k,): squared amplitude of the free vibration that the step also causes, in rad². The vibration shifts the mean
+    # rotation of a bent beam in proportion to this square.
     squares: Array
+    # The name of the recording.
     label: str
+    # Increasing rotations of the tip, and the rotations that would be measured instead, in rad. They differ if the beam
+    # is strongly bent. None: they are equal.
     shown: tuple[Array, Array] | None = None
 
     def shown_at(self, true: Array) -> Array:
-        """Return the rotations of the tip that would be measured instead of the true ones, in rad.
-
-        The measurement divides the displacements by a constant, which is wrong for a strongly bent beam.
-        """
+        """Convert true rotations of the tip to those that would be measured."""
+        # The measurement divides the displacements by a constant, which is wrong for a strongly bent beam.
         if self.shown is None:
             return true
         nodes, values = self.shown
@@ -111,19 +96,15 @@ class CreepEvidence:
         return np.asarray(values[first] + slopes[first] * (true - nodes[first]))
 
     def predicted(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return the rotation of the tip that would be measured at k times for P candidate laws, (P, k) in rad.
-
-        load_log: logarithms of the factors on the magnetic loads, (P,).
-        """
+        """Compute the rotation of the tip that would be measured over time for many candidate laws, one row each."""
+        # ``load_log`` (P,): logarithms of the factors on the magnetic loads. The result is (P, k) in rad.
         history = CreepHistories([(self.history.steps, self.time_s)])
         return self.shown_at(history.rotations(instantaneous_Pa, series, np.exp(load_log))[0])
 
     def residuals_at(self, true: Array) -> Array:
-        """Return the residuals of the k measured rotations of the tip for P candidate laws, (P, k + 1).
-
-        The last residual is that of an unknown: the shift of the mean rotation by the free vibration, which has a
-        prior. true: the rotations at k times that each law predicts, in rad, (P, k).
-        """
+        """Return the residuals of the measured rotations for many candidate laws, one row each."""
+        # ``true`` (P, k): the rotations at k times that each law predicts, in rad. The result is (P, k + 1): the last
+        # residual is that of an unknown with a prior, the shift of the mean rotation by the free vibration.
         gap = self.shown_at(true) - self.rotation
         error = _RECOVERY_ERROR if self.shown is None else _CREEP_ERROR
         # The error changes slowly: all times within a decade have the same error.
@@ -141,35 +122,25 @@ class CreepEvidence:
         return np.asarray(rows - rows @ basis @ basis.T)
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the changes of the residuals by each uncertain input: zeros, because they are neglected."""
+        """Return zeros: the influence of uncertain inputs on creep is neglected."""
         return {key: np.zeros((len(SOURCES[key].parts), len(self.time_s) + 1)) for key in sources}
 
 
 @dataclass(frozen=True)
 class StaticEvidence:
-    """The shear modulus from static shapes of the beam, as one residual in the fit of a viscoelastic law.
+    """The shear modulus from shapes of the beam at rest, to which a viscoelastic law is fitted."""
 
-    Attributes
-    ----------
-    beam : RingingBeam
-        The specimen.
-    runs : tuple of (LoadHistory, ndarray)
-        For each run, the loads over time, and the times at which edges were measured.
-    loads : Loads
-        The loads of all states.
-    modulus_Pa : float
-        Initial shear modulus of the elastic fit.
-    sigma : float
-        Its relative standard uncertainty due to noise and mesh.
-    stated : dict of str to float
-        Its relative change by errors of the picture, such as the scale.
-    """
-
+    # The specimen.
     beam: RingingBeam
+    # For each run, the loads over time, and the times at which edges were measured.
     runs: tuple[tuple[LoadHistory, Array], ...]
+    # The loads of all states.
     loads: Loads
+    # Initial shear modulus of the elastic fit.
     modulus_Pa: float
+    # Relative standard uncertainty of the modulus due to noise and mesh.
     sigma: float
+    # Relative change of the modulus by errors of the picture, such as the scale.
     stated: dict[str, float] = field(default_factory=dict)
 
     @property
@@ -180,7 +151,7 @@ class StaticEvidence:
 
     @cached_property
     def orders(self) -> tuple[NDArray[np.intp], ...]:
-        """For each run, the indices of its states in the order in which their edges were measured."""
+        """For each run, the indices of its shapes in the order in which they were measured."""
         return tuple(np.argsort(seen_s) for _, seen_s in self.runs)
 
     @property
@@ -189,18 +160,14 @@ class StaticEvidence:
         return [(run.steps, seen_s[order]) for (run, seen_s), order in zip(self.runs, self.orders, strict=True)]
 
     def apparent_log(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return ln(modulus) that an elastic fit to the shapes at rest would find for P viscoelastic laws, (P,).
-
-        load_log: logarithms of the factors on the magnetic loads, (P,).
-        """
+        """Return ln(modulus) that an elastic fit to the shapes at rest would find for many viscoelastic laws."""
+        # ``load_log`` (P,): logarithms of the factors on the magnetic loads. The result is (P,).
         rotations = CreepHistories(self.histories).rotations(instantaneous_Pa, series, np.exp(load_log))
         return self._apparent_log(rotations)
 
     def _apparent_log(self, rotations: Sequence[Array]) -> Array:
-        """Return ln(modulus in Pa) of the elastic beam whose tip would rotate like that of a viscoelastic beam, (P,).
-
-        rotations: for each run, the rotations of the tip in its states for P laws, (P, states) in rad.
-        """
+        """Return ln(modulus) of the elastic beam whose tip rotates like that of a viscoelastic beam."""
+        # ``rotations``: for each run, the rotations of the tip for P laws, (P, shapes) in rad. The result is (P,).
         # The modulus of an elastic beam is the moment of the loads (in Pa rad) divided by the rotation. The result is a
         # mean over the states.
         total, weights = np.zeros(len(rotations[0])), np.zeros(len(rotations[0]))
@@ -217,20 +184,16 @@ class StaticEvidence:
         return total / np.maximum(weights, 1e-30)
 
     def residuals_at(self, rotations: Sequence[Array]) -> Array:
-        """Return the residuals of the modulus for P candidate laws, in standard uncertainties, (P, 1).
-
-        The residual compares the modulus that a fit without time dependence would find, if the tip had the computed
-        rotations, with the modulus of the real fit. rotations: the computed rotations of the tip in the states of each
-        run, (P, states) in rad.
-        """
+        """Return the residual of the modulus for many candidate laws, one row each."""
+        # It compares the modulus that a fit without time dependence would find, if the tip had the computed rotations,
+        # with the modulus of the real fit. ``rotations``: the computed rotations of the tip for each run, (P, shapes)
+        # in rad.
         gap = self._apparent_log(rotations) - np.log(self.modulus_Pa)
         return np.asarray(gap[:, None] / np.hypot(self.sigma, _STATIC_ERROR))
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the changes of the residual by each uncertain input, such as the width, (components of the input, 1).
-
-        sources: the standard uncertainties, by which the inputs are changed.
-        """
+        """Return the change of the residual if an uncertain input, such as the width, changes by its uncertainty."""
+        # ``sources``: the standard uncertainties of the inputs. The results are (components of the input, 1).
         scale = np.hypot(self.sigma, _STATIC_ERROR)
         before = self._rotations(self.beam, 1.0)
         slope = (self._rotations(self.beam, 1.02) - self._rotations(self.beam, 1 / 1.02)) / (2 * np.log(1.02))
@@ -278,11 +241,7 @@ class SlowEvidence:
         )
 
     def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return the k residuals of creep and of shapes at rest for P candidate laws, (P, k).
-
-        instantaneous_Pa: instantaneous shear moduli, (P,). load_log: logarithms of the factors on the magnetic loads,
-        (P,).
-        """
+        """Return the residuals of creep and of shapes at rest for many candidate laws, one row each."""
         rotations = self._histories.rotations(instantaneous_Pa, series, np.exp(load_log))
         rows = [creep.residuals_at(true) for creep, true in zip(self._creeps, rotations, strict=False)]
         if self._static:
@@ -290,10 +249,7 @@ class SlowEvidence:
         return np.concatenate(rows, axis=1)
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the changes of k residuals by each uncertain input, such as the width, (components of the input, k).
-
-        sources: the standard uncertainties of the inputs, by which they change.
-        """
+        """Return the change of each residual if an uncertain input, such as the width, changes by its uncertainty."""
         parts = [creep.effects(sources) for creep in self._creeps]
         if self._static:
             parts.append(self._static.effects(sources))

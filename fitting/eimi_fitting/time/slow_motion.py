@@ -1,4 +1,4 @@
-"""The slow motion of a beam after a step of its load: the rotation of the tip at logarithmically spaced times.
+"""The slow rotation of a beam's tip after a step of its load.
 
 The measured displacements of points are divided by their displacements for a rotation of the tip by one rad. The fitted
 vibrations are subtracted, and the remaining motion is averaged over at least one period.
@@ -31,10 +31,9 @@ _STEP = 1.05  # ratio of the two moduli or loads whose difference gives the disp
 
 
 def displacement_per_rad(beam: RingingBeam, modulus_Pa: float, loads: Loads, before: Loads, rest_mm: Array) -> Array:
-    """Return the displacement (x, y) of p points of a beam, divided by the rotation of its tip, (p, 2) in mm per rad.
-
-    loads, before: the loads after and before a step. rest_mm: positions (x, y) of the points at rest.
-    """
+    """Return the displacement of points of a beam for a rotation of its tip by one rad."""
+    # ``loads``, ``before``: the loads after and before a step. ``rest_mm`` (p, 2): positions (x, y) of the points at
+    # rest. The result is (p, 2) in mm per rad.
     model = beam.planar()
     places = _places(beam, rest_mm)
 
@@ -61,14 +60,13 @@ def displacement_per_rad(beam: RingingBeam, modulus_Pa: float, loads: Loads, bef
 def shown_rotations(
     beam: RingingBeam, modulus_Pa: float, rest_mm: Array, signals: Signals, per_rad_mm: Array
 ) -> tuple[Array, Array] | None:
-    """Return rotations of the tip in simulated equilibria, and the rotations that would be measured in their pictures.
+    """Return rotations of the tip in simulated equilibria, and the rotations that a camera would measure.
 
     Both are in rad and increasing. They differ if the rotation is large, because the measurement divides displacements
     by a constant. The result is None if the rotations of soft and stiff beams hardly differ.
-
-    modulus_Pa: a typical shear modulus; the equilibria are those of softer and stiffer beams. rest_mm: positions (x, y)
-    of p points at rest, (p, 2). per_rad_mm: their displacements for a rotation by one rad, (p, 2).
     """
+    # ``modulus_Pa``: a typical shear modulus; the equilibria are those of softer and stiffer beams. ``rest_mm`` (p, 2):
+    # positions (x, y) of p points at rest. ``per_rad_mm`` (p, 2): their displacements for a rotation by one rad.
     model = beam.planar()
     places = _places(beam, rest_mm)
     moduli = modulus_Pa * np.geomspace(0.4, 2.5, _SHAPES)
@@ -87,10 +85,8 @@ def shown_rotations(
 
 
 def modulus_in_pictures(beam: RingingBeam, modulus_Pa: float, motion: Motion) -> float:
-    """Return the shear modulus (Pa) for which the computed beam is bent as far as the beam in the recorded frames.
-
-    modulus_Pa: a typical shear modulus, which is returned if the frames do not determine a modulus.
-    """
+    """Find the shear modulus (Pa) for which the computed beam is bent as far as the recorded beam."""
+    # ``modulus_Pa``: a typical shear modulus, which is returned if the frames do not determine a modulus.
     model, places = beam.planar(), _places(beam, motion.rest_mm)
     # A beam that creeps is softer than one that vibrates.
     moduli = modulus_Pa * np.geomspace(*_SEEN_RANGE, _SHAPES)
@@ -113,7 +109,7 @@ def modulus_in_pictures(beam: RingingBeam, modulus_Pa: float, motion: Motion) ->
 
 
 def _places(beam: RingingBeam, rest_mm: Array) -> Array:
-    """Return the positions (x, y) of p points at rest, (p, 2); points outside the beam are moved to its edge."""
+    """Return positions (x, y) of points at rest; points outside the beam are moved to its edge."""
     grid = beam.planar().grid
     straight = grid.straightened(np.clip(rest_mm, [0.0, -np.inf], [beam.specimen.length_mm, np.inf]))
     half = 0.5 * grid.strip.straight.width_mm
@@ -123,16 +119,15 @@ def _places(beam: RingingBeam, rest_mm: Array) -> Array:
 def slow_rotations(
     motion: Motion, signals: Signals, decay: Decay | None, per_rad_mm: Array
 ) -> tuple[Array, Array, Array, Array] | None:
-    """Return the rotation of the tip after a step of the load, averaged over time intervals, without vibrations.
-
-    decay: the vibrations, or None. per_rad_mm: displacements of p points for a rotation by one rad, (p, 2).
+    """Measure the slow rotation of the tip after a step of the load, without the vibrations.
 
     Returns
     -------
     tuple of ndarray, or None
-        For each interval: time in s, rotation and its standard uncertainty in rad, and the squared amplitude of the
-        vibration in rad². None for fewer than three intervals, or if no point moves.
+        For each time interval: time in s, rotation and its standard uncertainty in rad, and the squared amplitude of
+        the vibration in rad². None for fewer than three intervals, or if no point moves.
     """
+    # ``decay``: the vibrations, or None. ``per_rad_mm`` (p, 2): displacements of p points for a rotation by one rad.
     gain = per_rad_mm[signals.points, signals.axis] / signals.sigma_mm
     if not gain @ gain > 0:
         return None
@@ -165,10 +160,8 @@ def slow_rotations(
 
 
 def _squares(signals: Signals, decay: Decay, gain: Array) -> tuple[Array, Array]:
-    """Return times in s, and the squared amplitude (rad²) of the tip's rotation in the fitted vibration.
-
-    gain: for each coordinate of a point, the displacement for a tip rotation of one rad, divided by the noise.
-    """
+    """Return times in s, and the squared amplitude of the tip's rotation in the fitted vibration in rad²."""
+    # ``gain``: for each coordinate of a point, the displacement for a tip rotation of one rad, divided by the noise.
     rows = (signals.time_s >= decay.from_s) & (signals.time_s <= decay.to_s)
     if not rows.any() or rows.sum() != len(decay.baseline_mm):
         return np.zeros(1), np.zeros(1)
@@ -178,10 +171,8 @@ def _squares(signals: Signals, decay: Decay, gain: Array) -> tuple[Array, Array]
 
 
 def _slow_frames(signals: Signals, decay: Decay | None, gain: Array) -> tuple[Array, Array, Array]:
-    """Return times in s, measured slow rotations of the tip, and amplitudes of the remaining vibration in rad, (n,).
-
-    gain: for each coordinate of a point, the displacement for a tip rotation of one rad, divided by the noise.
-    """
+    """Return times in s, slow rotations of the tip, and amplitudes of the remaining vibration in rad."""
+    # ``gain``: as in `_squares`.
     times = signals.time_s
 
     def turned(channels_mm: Array) -> Array:
@@ -202,10 +193,8 @@ def _slow_frames(signals: Signals, decay: Decay | None, gain: Array) -> tuple[Ar
 
 
 def _ringing_after(signals: Signals, decay: Decay, gain: Array, times_s: Array) -> Array:
-    """Return the size of the decaying vibration of the tip at m times after ``decay.to_s``, (m,) in rad.
-
-    gain: for each coordinate of a point, the displacement for a tip rotation of one rad, divided by the noise.
-    """
+    """Return the amplitude of the tip's rotation in rad after the fitted part of the vibration."""
+    # ``gain``: as in `_squares`.
     rows = (signals.time_s >= decay.from_s) & (signals.time_s <= decay.to_s)
     vibration = signals.channels_mm[rows] - decay.baseline_mm if rows.sum() == len(decay.baseline_mm) else np.zeros(0)
     if not len(vibration) or not len(times_s):
@@ -218,10 +207,8 @@ def _ringing_after(signals: Signals, decay: Decay, gain: Array, times_s: Array) 
 
 
 def _unseen_ringing(times_s: Array, rotation: Array, white: float) -> Array:
-    """Estimate the size of a decaying vibration from the scatter of n rotations of the tip, (n,) in rad.
-
-    rotation: measured rotations in rad, (n,). white: standard deviation of their noise in rad.
-    """
+    """Estimate the amplitude of a decaying vibration from the scatter of rotations of the tip in rad."""
+    # ``white``: standard deviation of the noise of the rotations.
     if len(times_s) < _FEWEST_FOR_RINGING:
         return np.zeros(len(times_s))
     line = np.stack([np.ones(len(times_s)), np.log(times_s)], axis=1)

@@ -1,4 +1,4 @@
-"""Small effects on a ring-down (a free vibration) that are estimated but not corrected, such as the air."""
+"""Small effects on a free vibration that are estimated but not corrected, such as the air."""
 
 from __future__ import annotations
 
@@ -19,31 +19,22 @@ _COIL_OHM = 2.0
 
 @dataclass(frozen=True)
 class SmallEffect:
-    """An effect on a ring-down (a free vibration) that is estimated but not corrected.
+    """An effect on a free vibration that is estimated but not corrected, such as the air."""
 
-    Attributes
-    ----------
-    source, words : str
-        Key and name of the effect.
-    modulus_percent : float
-        Contribution to the standard uncertainty of the dynamic modulus.
-    loss : float
-        Contribution to the standard uncertainty of the loss factor.
-    """
-
+    # `source`, `words`: key and name of the effect.
     source: str
     words: str
+    # Contribution to the standard uncertainty of the dynamic modulus.
     modulus_percent: float
+    # Contribution to the standard uncertainty of the loss factor.
     loss: float
 
 
 def small_effects(
     specimen: Specimen, loads: Loads, frequency_Hz: float, loss: float, gain: float, exposure_s: float | None
 ) -> tuple[SmallEffect, ...]:
-    """Return the estimates of all small effects on the modulus and loss factor of one ring-down (a free vibration).
-
-    gain: derivative of ln(modulus) by ln(frequency). exposure_s: exposure time of a frame, or None.
-    """
+    """Estimate small effects on the modulus and the loss factor, such as that of the air."""
+    # ``gain``: derivative of ln(modulus) by ln(frequency). ``exposure_s``: exposure time of a frame, or None.
     omega = 2 * np.pi * frequency_Hz
     width, depth, length = (1e-3 * v for v in (specimen.width_mm, specimen.depth_mm, specimen.length_mm))
     line = specimen.density_kg_m3 * width * depth

@@ -39,7 +39,7 @@ _PER_DISTANCE = 0.05  # further error of ln(frequency), as a share of the distan
 
 
 def with_swing(fitted: ModalFit, windows: Sequence[Window]) -> ModalFit | None:
-    """Return a fit of the two vibrations that a swinging weight causes, or None if the weight does not swing."""
+    """Fit the two vibrations that a swinging weight causes; return None if the weight does not swing."""
     if fitted.noise < _NOISE:
         return None
     # The weight may also swing at half of the frequency. The equations of this module then hold approximately.
@@ -68,17 +68,9 @@ def _is_sound(two: ModalFit) -> bool:
 
 
 def of_beam(two: ModalFit) -> tuple[Array, Array]:
-    """Return the vibration of the beam without a swing of its hanging weight, and its covariance.
-
-    two: the fit of two vibrations to the motion with the swing.
-
-    Returns
-    -------
-    mode : ndarray, shape (2,)
-        ln(angular frequency in rad/s), and loss factor.
-    covariance : ndarray, shape (2, 2)
-        Covariance matrix of ``mode``.
-    """
+    """Return the vibration of the beam that would be measured if its weight did not swing."""
+    # ``two``: the fit of two vibrations to the motion with the swing. The result is ln(angular frequency in rad/s) and
+    # loss factor, (2,), with their covariance, (2, 2).
     at = two.modes.ravel()
     mode = _alone(at)
     ends = [_alone(at + _STEP * e) - _alone(at - _STEP * e) for e in np.eye(len(at))]
@@ -90,29 +82,22 @@ def of_beam(two: ModalFit) -> tuple[Array, Array]:
 
 
 def _squares(modes: Array) -> NDArray[np.complex128]:
-    """Return the squares of the complex angular frequencies of two vibrations, (2,).
-
-    modes: ln(angular frequency) and loss factor of each vibration, (4,).
-    """
+    """Return the squares of the complex angular frequencies of two vibrations."""
+    # ``modes`` (4,): ln(angular frequency) and loss factor of each vibration.
     log_omega, loss = modes.reshape(2, 2).T
     return np.asarray(np.exp(2 * log_omega) * (1 + 1j * np.maximum(loss, 0.0)))
 
 
 def _shares(modes: Array) -> Array:
-    """Return the fraction p_i of the kinetic energy that is in the beam, not in the weight, for two vibrations, (2,).
-
-    Only the beam loses energy, so the losses of the vibrations give these fractions. modes: ln(angular frequency) and
-    loss factor of each vibration, (4,).
-    """
+    """Return the fraction p_i of the kinetic energy that is in the beam, not in the weight, for two vibrations."""
+    # Only the beam loses energy, so the losses of the vibrations give these fractions.
     lost = _squares(modes).imag
     return np.asarray(lost / lost.sum())
 
 
 def _alone(modes: Array) -> Array:
-    """Return ln(angular frequency) and the loss factor of the beam with a weight that does not swing, (2,).
-
-    modes: ln(angular frequency) and loss factor of each vibration with the swing, (4,).
-    """
+    """Return ln(angular frequency) and loss factor of the beam with a weight that does not swing."""
+    # ``modes`` (4,): ln(angular frequency) and loss factor of each vibration with the swing.
     squares, shares = _squares(modes), _shares(modes)
     # Far apart, the vibration with the larger loss is that of the beam alone.
     if abs(modes[2] - modes[0]) > np.log(_APART):

@@ -24,28 +24,21 @@ MODULUS_SIGMA = 3.0
 
 @dataclass(frozen=True)
 class Terms:
-    """The 1 + 2 n unknowns of a viscoelastic law with n terms, and their prior.
+    """The unknowns of a viscoelastic law with a given number of terms, and their prior."""
 
-    Attributes
-    ----------
-    count : int
-        Number n of terms.
-    range_s : tuple of float
-        Shortest and longest relaxation time.
-    modulus_Pa : float
-        Prior median of the long-term shear modulus.
-    free_times : bool
-        Whether the relaxation times are fitted; otherwise they stay evenly spaced in ln(time).
-    """
-
+    # Number n of terms.
     count: int
+    # Shortest and longest relaxation time.
     range_s: tuple[float, float]
+    # Prior median of the long-term shear modulus.
     modulus_Pa: float
+    # Whether the relaxation times are fitted; otherwise they stay evenly spaced in ln(time).
     free_times: bool = True
 
     @property
     def mean(self) -> Array:
-        """The prior means of the 1 + 2 n unknowns of a law with n Prony terms: ln modulus, ln shares, ln times."""
+        """The prior means of the unknowns."""
+        # ln(long-term modulus), n values ln h, n values ln tau.
         low, high = np.log(self.range_s)
         # The range of times is divided into n intervals of equal length in ln tau. The prior median of tau_i is the
         # middle of interval i.
@@ -54,17 +47,15 @@ class Terms:
 
     @property
     def sigma(self) -> Array:
-        """The prior standard deviations of the same 1 + 2 n unknowns."""
+        """The prior standard deviations of the unknowns."""
         low, high = np.log(self.range_s)
         # The standard deviation of ln tau_i is half of such an interval.
         spacing = (high - low) / (2 * self.count) if self.free_times else _HELD_SIGMA
         return np.concatenate([[MODULUS_SIGMA], np.full(self.count, _SHARE_SIGMA), np.full(self.count, spacing)])
 
     def split(self, unknowns: Array) -> tuple[Array, Prony]:
-        """Return the instantaneous shear moduli of P candidate laws, (P,) in Pa, and their Prony series.
-
-        unknowns: the 1 + 2 n unknowns of each candidate with n terms, (P, 1 + 2 n).
-        """
+        """Convert the unknowns of many candidate laws to instantaneous shear moduli and Prony series."""
+        # ``unknowns`` (P, 1 + 2 n) gives P moduli in Pa.
         n = self.count
         long_term = np.exp(unknowns[:, 0])
         h = np.exp(np.clip(unknowns[:, 1 : 1 + n], -30, 10))
