@@ -173,7 +173,14 @@ def test_other_evidence_is_one_more_state_of_least_squares() -> None:
 
 @pytest.mark.parametrize(
     ("interval", "is_wide"),
-    [((1.0, 4.0), False), ((1.0, 4.01), True), ((0.0, 1.0), True), ((-1.0, 1.0), True), ((-2.0, -1.0), True)],
+    [
+        ((1.0, 4.0), False),
+        ((0.3, 0.9), False),
+        ((1.0, 4.01), True),
+        ((0.0, 1.0), True),
+        ((-1.0, 1.0), True),
+        ((-2.0, -1.0), True),
+    ],
 )
 def test_a_modulus_is_open_above_four_times_its_lower_end(interval: tuple[float, float], is_wide: bool) -> None:
     assert is_open(Quantity(1.0, "Pa", interval)) is is_wide
@@ -240,6 +247,11 @@ def test_the_statement_about_the_unknowns() -> None:
     assert said(remaining=(0.01, 0.25, 0.5)) == said()
     lopsided = said(modulus=Quantity(50e3, "Pa", (40e3, 65e3)))
     assert "is -20 % to +30 %." in lopsided
+    nothing = said(not_fixed=("mu", "alpha"), modulus=Quantity(50e3, "Pa", (1e3, 123456.0)))
+    assert nothing == (
+        "These data and the given priors determine no parameter of this law, not even its initial shear modulus, which "
+        "may lie anywhere from 1000 to 1.235e+05 Pa."
+    )
     three = said(names=("mu", "a", "b", "scale"), law_coordinates=3, correlation=np.eye(4), not_fixed=("b",))
     assert three.startswith(
         "These data and the given priors determine mu and a; the 95 % interval of the initial shear modulus is ±2 %"

@@ -81,7 +81,7 @@ def cases() -> dict[str, Any]:
                 experiment(edges(second, weaker, seed=3), second, weaker, "2", width=0.03, coil=0.01, clamp=0.01),
             ],
             free=(NuisancePrior("moment", 0.02), NuisancePrior("roll", 0.2)),
-            curves=(curve("mooney-rivlin"),),
+            curves=(curve("mooney-rivlin"), curve("mooney-rivlin", 1.15)),
             priors=(Prior("C01", 5e3, 2e3), Prior("initial_shear_modulus", 43e3, 3e3)),
         ),
         "tracked points": lambda: problem(
