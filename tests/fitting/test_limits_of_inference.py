@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from eimi_fitting.inference.evidence.measurements import Misfit
 from eimi_fitting.inference.evidence.quantity import Quantity
 from eimi_fitting.inference.evidence.unknowns import SharedUnknowns
 from eimi_fitting.inference.interval import estimate, profile_likelihood
@@ -16,7 +17,9 @@ from eimi_fitting.inference.interval.considered import ConsideredSources, Steps
 from eimi_fitting.inference.interval.draws import normal_draws
 from eimi_fitting.inference.interval.profile_likelihood import Ends, interval_ends
 from eimi_fitting.inference.planning.choice_of_law import Candidate
+from eimi_fitting.inference.planning.exchange import exchange
 from eimi_fitting.inference.searching import search
+from eimi_fitting.inference.searching.polish import polish
 from eimi_fitting.inference.searching.search import Run
 
 
@@ -136,3 +139,55 @@ def test_a_budget_has_one_entry_for_each_input_and_halves_the_largest() -> None:
 def test_a_fit_without_stated_inputs_has_no_squares_of_them() -> None:
     assert Candidate("yeoh", 3, ((20.0, 0.01),)).stated_squares == 0.0
     assert Candidate("yeoh", 3, ((20.0, 0.01),)).held_out_error_mm is None
+
+
+class Table:
+    """The variance of each choice of at most three of eight states: random numbers."""
+
+    def __init__(self, seed: int) -> None:
+        self.values = np.random.default_rng(seed).uniform(1.0, 2.0, (8, 8, 8))
+
+    def __len__(self) -> int:
+        return 8
+
+    def variance(self, choices: np.ndarray) -> np.ndarray:
+        padded = np.pad(np.sort(choices, axis=1), ((0, 0), (0, 3 - choices.shape[1])))
+        return self.values[tuple(padded.T)]
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_no_exchange_of_one_state_lowers_the_criterion_further(seed: int) -> None:
+    table = Table(seed)
+    chosen = exchange(table, 3)
+    assert len(set(chosen.tolist())) == 3
+    others = [
+        np.append(np.delete(chosen, place), state) for place in range(3) for state in range(8) if state not in chosen
+    ]
+    assert table.variance(chosen[None])[0] <= table.variance(np.array(others)).min()
+
+
+class Wavy:
+    """Residuals of one state that bend more and more, so that steps of Gauss-Newton may be too long."""
+
+    def __init__(self, units: np.ndarray, frequency: float) -> None:
+        waves = np.sin(frequency * (units - 0.37)) + 0.6 * (units - 0.37) + 0.2 * units[:, ::-1] ** 2
+        self.residuals = np.concatenate([waves, 0.05 + 0 * waves], axis=1)[:, None, None, :]
+        self.objective_mm = np.sqrt((self.residuals**2).mean(axis=(1, 2, 3)))
+        weights = np.ones(self.residuals.shape[1:])
+        self.misfits = (Misfit(self.residuals, weights, self.objective_mm[:, None], np.zeros((len(units), 1))),)
+
+
+@pytest.mark.parametrize("frequency", [4.0, 7.0, 9.0, 12.0, 17.0])
+@pytest.mark.parametrize("start", [(0.1, 0.9), (0.6, 0.2), (0.95, 0.7), (0.5, 0.05)])
+def test_a_polish_accepts_only_steps_that_lower_the_objective(frequency: float, start: tuple[float, float]) -> None:
+    asked: list[float] = []
+
+    def evaluate(units: np.ndarray, near: Any) -> Wavy:
+        found = Wavy(units, frequency)
+        asked.append(float(found.objective_mm[0]))
+        return found
+
+    found = polish(evaluate, np.array(start), enough=1e-9)
+    assert found.evaluation.objective_mm[0] == found.polish.mean_error_after_mm <= min(asked)
+    assert found.polish.mean_error_before_mm == asked[0]
+    assert found.polish.steps <= 12
