@@ -191,3 +191,20 @@ def test_a_polish_accepts_only_steps_that_lower_the_objective(frequency: float, 
     assert found.evaluation.objective_mm[0] == found.polish.mean_error_after_mm <= min(asked)
     assert found.polish.mean_error_before_mm == asked[0]
     assert found.polish.steps <= 12
+
+
+def test_a_step_that_is_too_long_is_tried_at_three_tenths_and_a_tenth_of_its_length() -> None:
+    asked: list[np.ndarray] = []
+
+    def evaluate(units: np.ndarray, near: Any) -> Any:
+        asked.append(units)
+        found = Wavy(units, 1.0)
+        found.objective_mm = np.full(len(units), 1.0 if len(asked) == 1 else 2.0)
+        return found
+
+    found = polish(evaluate, np.array([0.6, 0.2]))
+    assert (found.unit.tolist(), found.polish.steps) == ([0.6, 0.2], 0)
+    first, there, shorter = asked
+    step = there[0] - first[0]
+    assert np.abs(step).min() > 1e-3
+    np.testing.assert_allclose(shorter, first[0] + np.outer([0.3, 0.1], step))

@@ -183,6 +183,8 @@ def test_a_bulk_modulus_is_fitted_in_plane_strain_only() -> None:
     with pytest.raises(ValueError, match=words):
         identify(NEO, [one], free_bulk=True)
     strain = replace(BEAM, section="plane-strain")
+    with pytest.raises(ValueError, match="neo-hookean has no parameter 'C10'"):
+        _problem(NEO, [one], (), False, (), (Prior("C10", 1e4, 1e3),))
     found = _problem(NEO, [experiment(edges(strain, law=NEO), strain)], (), True, (), ())
     assert found.unknowns.names[-1] == "log10 K/mu"
 
