@@ -950,6 +950,14 @@ def test_an_interval_ends_where_the_quadratic_deviance_reaches_its_target() -> N
     np.testing.assert_allclose(lower.point, [0.5 - np.sqrt(4.0 / 300.0), 0.5 + np.sqrt(4.0 / 300.0)])
 
 
+@pytest.mark.parametrize(("deviance", "factor"), [(0.01, 2.0), (1.0, 2.0), (2.0, 2.0**0.5), (16.0, 0.5), (400.0, 0.4)])
+def test_an_end_moves_by_a_factor_of_two_fifths_to_two(deviance: float, factor: float) -> None:
+    optimum, hessian = np.full(2, 0.5), np.diag([1e3, 1e3])
+    one = end(point=np.array([0.55, 0.5]), deviance=deviance, score=np.zeros(2))
+    one.advance(optimum, hessian)
+    assert one.point[0] == pytest.approx(0.5 + 0.05 * factor)
+
+
 def test_an_end_is_enclosed_between_known_distances() -> None:
     optimum, hessian = np.full(2, 0.5), np.eye(2)
     outside = end()  # without an equilibrium: nearer by the shortest factor, on the same ray

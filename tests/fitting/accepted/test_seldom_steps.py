@@ -29,7 +29,9 @@ from eimi_fitting.inference.evidence.sources import SOURCES
 from eimi_fitting.inference.evidence.tensile_curves import TensileCurve, TensileEvidence
 from eimi_fitting.inference.evidence.unknowns import NuisancePrior, Unknowns, nuisances
 from eimi_fitting.inference.identification import _problem, _search, identify
+from eimi_fitting.inference.interval import noise
 from eimi_fitting.inference.interval.noise import linearise_noise
+from eimi_fitting.inference.planning import modulus_so_far
 from eimi_fitting.inference.planning.design_of_experiment import EdgeNoise, KnownLaw, candidates, states_reached
 from eimi_fitting.inference.planning.exchange import exchange
 from eimi_fitting.inference.searching._cma import _Absent
@@ -103,9 +105,9 @@ def test_inputs_without_an_equilibrium_leave_the_first_linear_fit(monkeypatch: p
 
 def test_inputs_without_an_equilibrium_are_named() -> None:
     given = problem(experiment(edges(law=NEO), width=0.02, coil=0.01))
-    noise = linearise_noise(given, polish(given.nearby(1.0), np.array([0.5])))
-    assert noise.not_considered(given) == ()
-    left = replace(noise, sources=tuple(one for one in noise.sources if one.shared.source == "coil"))
+    found = linearise_noise(given, polish(given.nearby(1.0), np.array([0.5])))
+    assert found.not_considered(given) == ()
+    left = replace(found, sources=tuple(one for one in found.sources if one.shared.source == "coil"))
     (words,) = left.not_considered(given)
     assert words == (
         "the intervals do not contain the uncertainty of the width: no equilibrium was found for a deviation from the "
@@ -321,3 +323,62 @@ def test_a_solid_with_an_unstable_start_is_fitted_from_the_middle_of_the_bounds(
     assert end.optimum.evaluation.objective_mm[0] < 0.02
     assert end.polish.mean_error_before_mm < DISCARDED_MM
     assert end.estimate.section_change.change_percent is not None
+
+
+@pytest.mark.parametrize(
+    ("values", "passes"), [([5.0, 4.0, 3.0, 2.0, 1.0], 3), ([5.0, 4.0, 3.97], 2), ([5.0, 4.96], 1)]
+)
+def test_inputs_are_evaluated_again_until_the_fit_stays_and_at_most_three_times(
+    monkeypatch: pytest.MonkeyPatch, values: list[float], passes: int
+) -> None:
+    given = problem(experiment(edges(WIDER, law=NEO), width=0.02))
+    optimum = polish(given.nearby(1.0), np.array([0.5]))
+    calls: list[int] = []
+    evaluated, left = Problem.evaluate, iter(values)
+
+    def counted(self: Problem, unit: Any, *more: Any, **options: Any) -> Any:
+        calls.append(len(unit))
+        return evaluated(self, unit, *more, **options)
+
+    monkeypatch.setattr(Problem, "evaluate", counted)
+    monkeypatch.setattr(noise, "_value", lambda *arguments: next(left))
+    found = linearise_noise(given, optimum)
+    assert calls == [3] * passes
+    # The last pass has the smallest value.
+    assert found.explained.squares > 5.0
+
+
+def test_weights_are_renewed_at_most_twelve_times(monkeypatch: pytest.MonkeyPatch) -> None:
+    given = problem(experiment(edges(WIDER, law=NEO), width=0.02))
+    optimum = polish(given.nearby(1.0), np.array([0.5]))
+    about = linearise_noise(given, optimum).about
+    calls: list[float] = []
+
+    def never_the_same(states: Any) -> float:
+        calls.append(1.1 ** len(calls))
+        return calls[-1]
+
+    monkeypatch.setattr(noise, "_mean_mm", never_the_same)
+    unit = about.unit
+    noise._least(given, about.states, unit, unit, np.eye(1), [np.zeros(4)])
+    assert len(calls) == 12
+    calls.clear()
+    monkeypatch.setattr(noise, "_mean_mm", lambda states: calls.append(1.0) or 1.0 + 0.02 / 2 ** len(calls))
+    noise._least(given, about.states, unit, unit, np.eye(1), [np.zeros(4)])
+    assert len(calls) == 2  # the second changes by less than a hundredth
+
+
+@pytest.mark.parametrize(("factor", "is_carried"), [(1.019, True), (1.021, False), (0.981, True), (0.979, False)])
+def test_a_depth_effect_is_carried_on_while_the_modulus_changes_by_at_most_two_per_cent(
+    monkeypatch: pytest.MonkeyPatch, factor: float, is_carried: bool
+) -> None:
+    solid = replace(BEAM, section="solid", depth_mm=4.0)
+    given = problem(polished(experiment(edges(solid, law=NEO), solid)))
+    modulus_Pa = float(given.unknowns.parameters(np.array([[0.5]]))[0, 0])
+    asked: list[Any] = []
+    monkeypatch.setattr(modulus_so_far, "correction", lambda *given, options: asked.append(options))
+    before = modulus_so_far._Depth("effect", modulus_Pa / factor)  # type: ignore[arg-type]
+    assert modulus_so_far._with_depth(given, np.array([0.5]), before) is None
+    (options,) = asked
+    assert options.method == "interpolate"
+    assert options.earlier == ("effect" if is_carried else None)
