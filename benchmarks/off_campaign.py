@@ -34,7 +34,7 @@ from eimi_lab.dataset.recovery import recover
 from tests.shared.processes import WAIT_AT_MOST_S
 
 STARTS_AT_MOST = 5
-"""Number of times that a trial is started if the emulated supply answers too late before the fault begins."""
+"""Number of times that a trial is started if the supply or the guardian answers too late before the fault begins."""
 
 
 @dataclass
@@ -63,7 +63,7 @@ def attempt(fault: Fault, after_s: float, patience: float) -> Outcome:
     """Run one trial, and return its result.
 
     The fault comes `after_s` seconds after the full current. `patience` multiplies the time limit, for slow machines. A
-    trial whose supply answers too late before the fault is repeated, because it tests no fault.
+    trial in which the supply or the guardian answers too late before the fault is repeated: it tests no fault.
     """
     for _ in range(STARTS_AT_MOST - 1):
         with suppress(LateAnswer):
@@ -72,7 +72,7 @@ def attempt(fault: Fault, after_s: float, patience: float) -> Outcome:
 
 
 def _attempt(fault: Fault, after_s: float, patience: float) -> Outcome:
-    """Run one trial. Raises LateAnswer if the supply answers too late before the fault."""
+    """Run one trial. Raises LateAnswer if the supply or the guardian answers too late before the fault."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         make_bench(folder)

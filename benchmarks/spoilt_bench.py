@@ -34,7 +34,7 @@ NAMES = 6000
 
 
 class LateAnswer(RuntimeError):
-    """The emulated supply did not answer in time before the full current was set, because the computer is busy."""
+    """The supply or the guardian did not answer in time before the fault began, because the computer is busy."""
 
 
 class Supply:
@@ -141,7 +141,7 @@ class Trial:
         self.guardian = self._find_guardian()
 
     def require_running(self) -> None:
-        """Raise LateAnswer if the run has ended because an answer of the supply was late.
+        """Raise LateAnswer if the run has ended because an answer of the supply or of the guardian was late.
 
         Raises RuntimeError if it has ended for another reason.
         """
@@ -149,7 +149,8 @@ class Trial:
             return
         if not self.unread:
             self._reader.join(WAIT_AT_MOST_S)
-        is_late = any("no complete answer within" in line for line in self.lines)
+        late = ("no complete answer within", "does not answer any more")
+        is_late = any(words in line for line in self.lines for words in late)
         kind = LateAnswer if is_late else RuntimeError
         raise kind(f"the run ended before the fault, and said {self.lines}")
 

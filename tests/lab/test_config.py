@@ -241,7 +241,11 @@ def test_a_bad_calibration_is_refused_in_one_line(files: Path, line: str, expect
             'driver = "kord"',
             "supply.driver = 'kord' is not a driver; the drivers are korad, scpi",
         ),
-        ('driver = "virtual"', 'driver = "korad"', "camera.source = 'virtual' should be the address of an emulated"),
+        (
+            'driver = "virtual"',
+            'driver = "korad"',
+            "camera.source = 'virtual' should be the address that `eimi emulate`",
+        ),
         (
             'address = "virtual"',
             'address = "spy:///dev/ttyUSB0?file=/home/me/.bashrc"',

@@ -81,7 +81,7 @@ def test_the_suite_imports_neither_tests_nor_benchmarks(imports):
 
 def test_tests_import_no_benchmark_that_they_do_not_test():
     names = ("mutants", "numbers", "benchmarks", "docs", "generated_mistakes", "tests_by_line", "phone_photographs")
-    names += ("printed_report",)  # it prints with `benchmarks.report_pictures`
+    names += ("repeated_trials", "printed_report")  # the latter prints with `benchmarks.report_pictures`
     tested_there = {f"test_{name}.py" for name in names}
     importing = {
         path.name

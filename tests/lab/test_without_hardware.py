@@ -160,7 +160,7 @@ def test_the_emulated_coil_sends_its_true_current_and_reports_its_end() -> None:
             "korad",
             'driver = "virtual", source = "virtual"',
             VIRTUAL,
-            "camera.source = 'virtual' should be the address of an emul",
+            "camera.source = 'virtual' should be the address that `eimi emulate`",
         ),
         (
             "korad",
