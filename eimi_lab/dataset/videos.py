@@ -98,8 +98,8 @@ def read_video(path: Path, numbers: Sequence[int]) -> Iterator[NDArray[Any]]:
         for number in numbers:
             while at < number and video.grab():
                 at += 1
-            decoded, image = video.read() if at == number else (False, None)
-            if not decoded or image is None:
+            image = video.read()[1] if at == number else None
+            if image is None:
                 raise InputError(
                     f"{path}: has no frame {number} (counted from 0), because the video ends after {at} frames"
                 )
@@ -118,8 +118,8 @@ def timed_frames(path: Path) -> Iterator[tuple[NDArray[Any], float]]:
     with _opened(path) as video:
         count = 0
         while True:
-            decoded, image = video.read()
-            if not decoded or image is None:
+            image = video.read()[1]
+            if image is None:
                 break
             count += 1
             yield image, video.get(cv2.CAP_PROP_POS_MSEC) / 1000.0

@@ -350,6 +350,16 @@ def test_a_magnet_fits_into_the_narrowest_part_at_its_place(rows: list[list[floa
         specimen({"width_mm": rows}, magnet=Magnet(**A_MAGNET | {"width_mm": least + 0.001}))
 
 
+@pytest.mark.parametrize(("offset_mm", "least"), [(0.0, 2.0), (6.0, 2.0), (7.0, 3.0), (12.0, 4.0)])
+def test_a_magnet_before_the_tip_is_in_its_part_of_the_beam(offset_mm: float, least: float) -> None:
+    # The magnet, 4 mm long, is from 26 to 30 mm, 20 to 24 mm, 19 to 23 mm, or 14 to 18 mm.
+    rows = [[0.0, 4.0], [18.0, 4.0], [18.0, 3.0], [23.0, 3.0], [23.0, 2.0], [30.0, 2.0]]
+    magnet = A_MAGNET | {"tip_offset_mm": offset_mm}
+    specimen({"width_mm": rows}, magnet=Magnet(**magnet | {"width_mm": least - 0.001}))
+    with pytest.raises(ValidationError, match=r"should be at most specimen\.width_mm"):
+        specimen({"width_mm": rows}, magnet=Magnet(**magnet | {"width_mm": least + 0.001}))
+
+
 def test_a_specimen_reaches_the_mechanics_in_si_units() -> None:
     tables = {"magnet": Magnet(**A_MAGNET, magnetisation_angle_deg=2.0), "tip_load": TipLoad(y_mm=0.5)}
     made = specimen({"magnetisation_kA_per_m": (40.0, -1.0), "section": "plane-strain"}, **tables).mechanics()

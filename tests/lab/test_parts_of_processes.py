@@ -893,10 +893,13 @@ def test_standard_error_is_replaced_within_the_context(monkeypatch: pytest.Monke
 @posix
 def test_the_words_of_a_library_are_collected(capfd: pytest.CaptureFixture[str]) -> None:
     os.write(2, b"before\n")
+    lowest = os.dup(2)
+    os.close(lowest)
     with stderr.library_words() as lines:
         os.write(2, b"one \xff\ntwo\n")
         assert lines == []
     os.write(2, b"after\n")
+    assert (os.dup(2), os.close(lowest)) == (lowest, None)  # no descriptor was left open
     assert lines == ["one \ufffd", "two"]
     assert capfd.readouterr().err == "before\nafter\n"
 

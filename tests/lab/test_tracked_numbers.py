@@ -17,10 +17,11 @@ import pytest
 
 from eimi_lab.config.calibration import Calibration
 from eimi_lab.config.csv_tables import Row, read_table
+from eimi_lab.config.specimen import load_specimen
 from eimi_lab.dataset.logged_sensor import LoggedSensor, SensorLog
 from eimi_lab.dataset.points import Load
 from eimi_lab.dataset.state_loads import check_directions, load_of, numbered_loads
-from eimi_lab.dataset.tracked import c3d, tracked_states
+from eimi_lab.dataset.tracked import c3d, points_csv, tracked_states
 from eimi_lab.dataset.tracked.axes import Placing, place
 from eimi_lab.dataset.tracked.deeplabcut import read_deeplabcut
 from eimi_lab.dataset.tracked.dice import read_dice
@@ -559,6 +560,22 @@ def test_pictures_have_the_scale_and_the_axes_of_their_calibration() -> None:
         refused(lambda tracks=tracks, given=given: place(tracks, given, "t"), words)
     with_unit = Placing(calibration=pictures, rest=11, sigma=2.0, unit="px")
     same(place(in_pixels, with_unit, "t").sigma_mm, np.full((2, 1), 0.25))
+
+
+@pytest.mark.parametrize(
+    ("name", "fits"), [("a" * 64, True), ("a" * 65, False), ("\u00b5" * 32, True), ("\u00b5" * 33, False)]
+)
+def test_a_point_of_a_table_has_a_name_of_at_most_64_bytes(name: str, fits: bool) -> None:
+    cells = {"point": name, "x0_mm": "5", "y0_mm": "0.5", "x_mm": "4", "y_mm": "2", "sigma_mm": "0.1"}
+    rows = [Row(Path("states.csv"), 3, cells)]
+    specimen = load_specimen("type1")
+    if fits:
+        found = points_csv._tracked(rows, specimen)
+        assert found.names == (name,)
+        same([*found.rest_mm[0], *found.points_mm[0], *found.sigma_mm], [5, 0.5, 4, 2, 0.1])
+    else:
+        words = r"^states\.csv: row 3: point = .* should be a name of at most 64 bytes$"
+        refused(lambda: points_csv._tracked(rows, specimen), words)
 
 
 def test_the_points_of_a_state_are_those_that_its_frame_shows(tmp_path: Path) -> None:

@@ -455,6 +455,14 @@ def test_another_thread_is_told_who_holds_the_lock(tmp_path: Path, monkeypatch: 
     taken.release()
 
 
+def test_the_holder_is_named_without_the_byte_that_is_locked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # Windows does not let other processes read the locked byte.
+    monkeypatch.setattr(writer_lock, "_LOCKED_BYTE", "x")
+    lock = WriterLock(tmp_path / "run.h5")
+    assert writer_lock._holder(lock_file(tmp_path / "run.h5")).startswith(f"process {os.getpid()} on ")
+    lock.release()
+
+
 def test_a_lock_of_another_open_file_is_seen_and_refused(tmp_path: Path, open_locks: Callable[[], int]) -> None:
     # flock(2) belongs to an open file; a second open file takes the place of another program.
     path = tmp_path / "run.h5"
