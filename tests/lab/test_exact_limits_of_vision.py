@@ -31,7 +31,8 @@ from eimi_lab.vision.edges.edge_set import EdgePoints, EdgeSet, tip_angle_deg, t
 from eimi_lab.vision.edges.passes import SiliconeMargin, _clear_of_ends, _inner_reach_px
 from eimi_lab.vision.edges.profiles import Cover, _SharedUnknowns
 from eimi_lab.vision.edges.silhouette import BackLight
-from eimi_lab.vision.edges.suggested_corrections import _cut_by_border
+from eimi_lab.vision.edges.suggested_corrections import _cut_by_border, _is_convincing, _shows_nothing
+from eimi_lab.vision.flags import judge
 from eimi_lab.vision.following import stated_width
 from eimi_lab.vision.following.beam_search import _best_of_each_cell, _best_strip, _Generation, _index_of_best, _rival
 from eimi_lab.vision.following.centre_line import CentreLine, clicked_line
@@ -46,6 +47,9 @@ from eimi_lab.vision.following.stated import StatedBeam
 from eimi_lab.vision.following.support import Sides
 from eimi_lab.vision.following.working import WorkingPicture
 from eimi_lab.vision.frame_checks import frame_flags
+from eimi_lab.vision.image_files import _is_transparent
+from eimi_lab.vision.image_sizes import is_stack
+from eimi_lab.vision.image_wholeness import is_whole
 from eimi_lab.vision.intensity import FieldCorrection
 from eimi_lab.vision.settling_statistic import Noise
 from eimi_lab.vision.tracking.beam_tracker import BeamTracker, SeenBeam
@@ -462,3 +466,51 @@ def test_the_first_search_reads_up_to_the_magnet_inside_and_farther_outside(monk
         passes.first_pass(np.zeros((4, 4)), outline, 1.0, 12.0, 60.0, SiliconeMargin(cover_px, 0.1, 50.0))
         assert given[4][[0, -1]].tolist() == [-inner, 10.0]  # 1.5 times a blur of 1.2 px from the magnet
         assert given[3] == (-1.0, -1.0, 1.0)
+
+
+@pytest.mark.parametrize(("deviation", "is_beam"), [(0.5, True), (0.501, False)])
+def test_a_body_that_is_wider_by_more_than_half_is_not_the_beam(
+    monkeypatch: pytest.MonkeyPatch, deviation: float, is_beam: bool
+) -> None:
+    monkeypatch.setattr(back_lit, "width_deviation", lambda *_: deviation)
+    y = np.linspace(12.0, 90.0, 30)
+    sides: Any = tuple(
+        SimpleNamespace(points_px=np.column_stack([np.full(30, x), y]), sound=np.ones(30, bool)) for x in (52.0, 67.0)
+    )
+    corners = np.array([[52.0, 10.0], [67.0, 10.0], [52.0, 94.0], [67.0, 94.0]])
+    asked = search()
+    assert asked._measure_shape(SimpleNamespace(sides=sides), corners) is is_beam  # type: ignore[arg-type]
+    assert asked.findings["width_deviation"] == deviation
+    if is_beam:
+        assert asked.findings["length_deviation"] == pytest.approx(0.0, abs=1e-9)
+        assert asked.findings["clamp_offset_mm"] == pytest.approx(0.5 / 7.0)
+        assert asked.findings["twist_deg"] == 0.0
+        radius, beta = math.hypot(14.0, 28.0), math.atan2(14.0, 28.0)
+        assert asked.even_turn_deg == pytest.approx(math.degrees(math.asin(15.0 / radius) - beta))
+    else:
+        assert "length_deviation" not in asked.findings
+
+
+def test_an_answer_is_false_and_not_missing() -> None:
+    assert _is_transparent(None) is False
+    assert _is_transparent(np.zeros((4, 4, 3), np.uint8)) is False
+    opaque = np.full((4, 4, 4), 255, np.uint8)
+    assert _is_transparent(opaque) is False
+    opaque[1, 1, 3] = 242
+    assert _is_transparent(opaque) is True  # 0.95 * 255 is 242.25
+    assert is_stack(b"") is False
+    assert is_stack(b"II*\0\x08\0\0\0") is False
+    assert is_whole(b"\x89PNG\r\n\x1a\n") is False
+    nothing = EdgePoints(np.zeros((0, 2)), np.zeros(0))
+    assert _is_convincing(EdgeSet(nothing, nothing, (), np.zeros((4, 2))), specimen()) is False
+    serious = judge({"blur_px": 9.0})
+    assert _is_convincing(EdgeSet(nothing, nothing, serious, np.zeros((4, 2))), specimen()) is False
+    assert _shows_nothing(np.tile(np.arange(0, 200, 5, dtype=np.uint8), (40, 1))) == ""
+
+
+def test_values_that_are_not_finite_do_not_change_the_scale_of_an_image() -> None:
+    image = np.full((4, 4), 300.0)
+    image[0, 0] = np.inf
+    corrected = FieldCorrection(np.full((4, 4), -900.0), None).apply(image)
+    assert corrected[1, 1] == 1023.0
+    assert corrected[0, 0] == 900.0

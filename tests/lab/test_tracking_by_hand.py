@@ -336,3 +336,38 @@ def test_a_camera_that_moves_by_less_than_a_third_of_a_pixel_is_fixed(
     monkeypatch.setattr(view, "_follow", lambda _: np.array([[1.0, 0.0, shift], [0.0, 1.0, 0.0]]))
     assert (view.steadied(image) is not image) is moves
     assert view.moved_px == pytest.approx(shift)
+
+
+@pytest.mark.parametrize(("length", "turn"), [(20.0, 1.6), (20.0, 2.5), (40.0, -1.6)])
+def test_the_curve_through_points_of_a_curve_is_this_curve(length: float, turn: float) -> None:
+    curve = of_direction(lambda share: 0.3 + turn * share, length)
+    found = curve_through(curve.at(np.linspace(0.0, length, 41))[0], length)
+    along = np.linspace(0.0, length, 30)
+    assert found.at(along)[0] == pytest.approx(curve.at(along)[0], abs=5e-4)
+
+
+def test_a_place_far_from_the_smooth_band_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Eleven places are not sure. Of the others, one lies 4 px beside the others, more than 2 px from a smooth line.
+    tracked = tracker()
+    shift, contrast = np.zeros(STATIONS), np.full(STATIONS, tracked._contrast)
+    shift[6], shift[13:], contrast[13:] = 4.0, 30.0, 0.3 * tracked._contrast
+    reaches: list[float] = []
+
+    def bands(grey: Array, curve: BeamCurve, reach: float, polarity: float) -> tuple[Array, Array]:
+        reaches.append(reach)
+        return shift, contrast
+
+    monkeypatch.setattr(tracked, "_bands", bands)
+    curve = tracked._curve
+    found = tracked._near(picture(0.0)[..., 1], curve, 1.0)
+    assert found is not None
+    assert found.at(tracked._along_px)[0] == pytest.approx(curve.at(tracked._along_px)[0], abs=1e-6)
+    assert reaches == [1.0]  # the places hardly moved
+    shift[:13] = 3.6  # half of the half width is 3.5 px
+    moved = tracked._near(picture(0.0)[..., 1], curve, 1.0)
+    assert moved is not None
+    assert reaches == [1.0, 1.0, 0.5]
+    contrast[12] = 0.3 * tracked._contrast
+    assert tracked._near(picture(0.0)[..., 1], curve, 1.0) is not None  # twelve of 24 places
+    contrast[11] = 0.3 * tracked._contrast
+    assert tracked._near(picture(0.0)[..., 1], curve, 1.0) is None
