@@ -91,9 +91,9 @@ def check_request(protocol: Protocol, specimen: SpecimenFile, rig: Rig) -> None:
         strict_A = rig.supply.limits.stricter(protocol.limits).current_A
         if sensor.at_rest_A is not None and sensor.at_rest_A > strict_A:
             raise InputError(
-                f"rig {rig.name}: at_rest_A = {sensor.at_rest_A:g} of the sensor {sensor.name} should be at most "
-                f"{strict_A:g} A, the smaller of the limits of the current in rig and protocol, because the coil must "
-                "carry this current"
+                f"rig {rig.name}: the sensor {sensor.name} measures the resistance of the coil with the current "
+                f"at_rest_A = {sensor.at_rest_A:g} A; it should be at most {strict_A:g} A, the smaller of the limits "
+                "in rig and protocol"
             )
     if protocol.tip_force_N and rig.virtual:
         raise InputError(

@@ -49,8 +49,8 @@ class MotionOptions(PictureOptions):
         float | None,
         typer.Option(
             metavar="N",
-            help="for --ring-down or --creep: weight that hangs at the tip during the motion, in newtons; a creep "
-            "without --removed begins when this weight is hung on the beam, at the time --released",
+            help="for --ring-down or --creep: weight that hangs at the tip during the motion, in newtons; without "
+            "--removed, a creep is taken to begin when this weight is hung on the beam",
         ),
     ] = None
     removed: Annotated[

@@ -20,7 +20,7 @@ class ReportLinks:
         self._secret = secrets.token_bytes(32)
 
     def link_to(self, name: str) -> str:
-        """Return the link that opens the report ``name``: a path of this server with the name and the key as query."""
+        """Return the link that opens the report ``name``. It contains a secret text that only opens this report."""
         return f"{REPORT}?{urlencode({'file': name, 'key': self._key(name)})}"
 
     def opens(self, name: str, key: str) -> bool:

@@ -60,7 +60,7 @@ def move_to_own_scope(name: str, description: str) -> bool:
 
 
 def _lasts_as_long_in_a_scope() -> bool:
-    """Return whether this process would live at least as long in a new systemd scope as without a scope."""
+    # A scope is a group of processes of systemd, which may end them when the user logs off.
     try:
         return (_LINGER / getpass.getuser()).exists() or "/user@" in _OWN_GROUP.read_text(encoding="utf-8")
     except (OSError, KeyError):  # the system has no such files, or the user has no name

@@ -1,4 +1,4 @@
-"""Compute how well identified laws predict the bending of a specimen."""
+"""Compute the errors with which identified laws predict the bending of a specimen."""
 
 from __future__ import annotations
 

@@ -104,5 +104,5 @@ def test_a_current_at_rest_beyond_the_limits_is_refused(setup: Any) -> None:
     with_coil(setup)
     sensor = setup.rig.sensors[0].model_copy(update={"at_rest_A": 5.0})
     setup.rig = setup.rig.model_copy(update={"sensors": (sensor,)})
-    with pytest.raises(InputError, match="at_rest_A = 5 of the sensor coil should be at most 1 A"):
+    with pytest.raises(InputError, match="at_rest_A = 5 A; it should be at most 1 A"):
         setup.run(remark=lambda line: None)

@@ -166,7 +166,6 @@ def test_a_crop_of_images_has_brightness_from_0_to_1() -> None:
 
 
 def photographed(edges: list[np.ndarray], pixels_per_mm: float = 8.0, length_mm: float = 50.0) -> Any:
-    """Return a dataset of images of 400 x 300 pixels, in which positions in mm are positions in pixels."""
     pair = SimpleNamespace(left=SimpleNamespace(points_mm=edges[0]), right=SimpleNamespace(points_mm=edges[1]))
     calibration = SimpleNamespace(pixels_per_mm=pixels_per_mm)
     specimen = SimpleNamespace(specimen=SimpleNamespace(length_mm=length_mm))

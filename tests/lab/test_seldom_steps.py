@@ -69,7 +69,9 @@ def test_a_thermometer_of_the_coil_uses_no_more_than_the_stricter_limit(setup: A
         check_request(setup.protocol, setup.specimen, setup.rig.model_copy(update={"sensors": (sensor,)}))
 
     check(limit_A)
-    with pytest.raises(InputError, match=rf"at_rest_A = .* of the sensor coil should be at most {limit_A:g} A, the sm"):
+    with pytest.raises(
+        InputError, match=rf"sensor coil .* at_rest_A = .* A; it should be at most {limit_A:g} A, the sm"
+    ):
         check(limit_A + 0.01)
 
 

@@ -67,11 +67,12 @@ class _Inert:
     def __setitem__(self, key: Any, value: Any) -> None:
         pass
 
+    # The unpickler calls these methods if the object is a list in the file.
     def append(self, value: Any) -> None:
-        """Ignore an item of a list that the pickle fills."""
+        pass
 
     def extend(self, values: Any) -> None:
-        """Do nothing; the unpickler calls this method if the object is a list in the file."""
+        pass
 
 
 def _create_array(make: Any, arguments: Any, state: Any, attributes: Any = None) -> Any:

@@ -66,10 +66,9 @@ class Side:
     offset_px : ndarray, shape (n,)
         Distance of each point from the curve.
     sigma_px : ndarray, shape (n,)
-        Standard deviation of the offset due to image noise, before it is adapted to the scatter of the points.
+        Standard deviation of the offset due to image noise.
     common_px : ndarray, shape (n,)
-        Standard deviation of the offset due to the uncertain width of the silicone beside the magnet, before it is
-        adapted to the scatter of the points.
+        Standard deviation of a shift of all offsets together, such as beside a magnet.
     sound : ndarray of bool, shape (n,)
         Whether an edge was detected at each point.
     stride : int

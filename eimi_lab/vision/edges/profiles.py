@@ -138,8 +138,7 @@ class Steps:
     sensitivity : ndarray, shape (n,)
         Standard deviation of the offset (px) for noise of one grey level.
     common_px : ndarray, shape (n,)
-        Standard deviation of a shift that all offsets on the edge have in common. Beside the magnet, the edge of the
-        silicone is computed from the edge of the magnet and the uncertain width of the silicone.
+        Standard deviation of a shift of all offsets together, such as beside a magnet.
     sound : ndarray of bool, shape (n,)
         Whether a step was detected on each line.
     """
