@@ -256,6 +256,35 @@ def test_a_mistake_in_the_loads_is_named_with_its_remedies(slip: Any, is_edges: 
     assert str(fitting.refused(named(slip), [None, data])) == words  # type: ignore[list-item]
 
 
+def test_each_mistake_in_the_loads_has_its_own_remedies() -> None:
+    sides = {
+        "field_reversed": (
+            "turn field_angle_deg by 180",
+            "change the sign of current_A",
+            "change the sign of field_mT",
+        ),
+        "gravity_reversed": ("turn gravity_angle_deg by 180", "", "turn --gravity-angle by 180"),
+        "field_too_large": (
+            "give coil_constant_mT_per_A",
+            "give current_A in states.csv",
+            "give field_mT in states.csv",
+        ),
+        "field_too_small": (
+            "give coil_constant_mT_per_A",
+            "give current_A in states.csv",
+            "give field_mT in states.csv",
+        ),
+        "force_reversed": ("", "change the sign of tip_force_N", "change the sign of tip_force_N"),
+        "force_too_large": ("", "tip_force_N in states.csv is in newton", "tip_force_N in states.csv is in newton"),
+        "gravity_absent": ("set gravity = false", "", "give --no-gravity"),
+    }
+    assert set(sides) == set(before_search._REMEDIES)
+    for slip, remedy in before_search._REMEDIES.items():
+        for words, start in zip((remedy.calibration, remedy.states, remedy.points), sides[slip], strict=True):
+            assert words.startswith(start)
+            assert bool(words) is bool(start)
+
+
 def test_each_check_of_the_states_is_made_and_names_its_dataset(monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[Any] = []
     for name in ("_check_currents", "_check_magnet", "_check_map"):

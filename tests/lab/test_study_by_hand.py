@@ -266,6 +266,7 @@ def test_a_compressible_beam_is_fitted_in_three_ways(monkeypatch: pytest.MonkeyP
     assert [bulk for _, bulk in question.outlines] == [50 * 46e3, None, 10 * 46e3, 20 * 46e3, 200 * 46e3]
     assert [None if one is None else one[0] for one in solved] == [bulk for _, bulk in question.outlines]
     assert [fit["section"] for fit in question.fits[:3]] == ["solid", "plane-strain", "plane-strain"]
+    assert {fit["seed"] for fit in question.fits} == {3}
     assert [fit.get("free_bulk", False) for fit in question.fits[:3]] == [False, False, True]
     assert rows[0]["bulk_over_shear_found"] == pytest.approx([10.0, 5.0, 20.0])
     assert (rows[0]["solid_percent"], rows[0]["freed_interval_percent"]) == (OFF, INTERVAL)
