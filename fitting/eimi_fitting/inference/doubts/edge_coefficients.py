@@ -53,7 +53,7 @@ class Projection:
         return np.concatenate(parts, axis=-1)
 
     def smooth(self, changes: Array) -> Array:
-        """Return the variances (mm^2) of the coefficients due to errors that vary smoothly along the edges."""
+        """Return the variances (mm^2) of the coefficients due to smooth errors of the same size as these changes."""
         # The root mean square of the given changes (c, N) is the size of the errors.
         parts, first = [], 0
         for basis in self.bases:

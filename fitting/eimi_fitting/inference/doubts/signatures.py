@@ -176,15 +176,15 @@ class About:
         )
 
     @cached_property
-    def on_mesh_of_fit(self) -> list[Solved | None]:
-        """The simulation of each experiment at the optimum, with the finite-element mesh of the fit."""
+    def _on_mesh_of_fit(self) -> list[Solved | None]:
         return [
             Solved.of(_assumed(self.problem, self.unit, i, experiment.model))
             for i, experiment in enumerate(self.problem.experiments)
         ]
 
     def start(self, cause: PossibleCause, part: int, dataset: int) -> float:
-        """Return the measured plus the fitted error of one component of an input, or 0 if it was not measured."""
+        """Return the measured error of an input, such as the x of the clamp, plus its fitted change; or 0."""
+        # The result is 0 if the error was not measured.
         measured = self.problem.experiments[dataset].measured.get(cause.source, ())
         if not measured:
             return 0.0
@@ -192,7 +192,7 @@ class About:
         return start + self.freed_start(cause.source, part, dataset)
 
     def freed_start(self, source: str, part: int, dataset: int) -> float:
-        """Return the fitted error of one component of an input, or 0 if it was not fitted."""
+        """Return the fitted error of one component of an input, such as the x of the clamp; 0 if it was not fitted."""
         return sum(
             float(nuisance.value(self.unit[column]))
             for column, nuisance in enumerate(self.problem.unknowns.freed, self.problem.unknowns.searched)
@@ -213,7 +213,7 @@ class About:
         unit = self.unit.copy()
         unit[self.kept] = np.clip(unit[self.kept] + moved, 0.0, 1.0)
         residuals = []
-        for i, (here, residual) in enumerate(zip(self.on_mesh_of_fit, self.residuals, strict=True)):
+        for i, (here, residual) in enumerate(zip(self._on_mesh_of_fit, self.residuals, strict=True)):
             if here is None:
                 return None
             trial = _assumed(self.problem, unit, i, here.assumed.experiment.model)

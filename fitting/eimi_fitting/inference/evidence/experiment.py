@@ -94,7 +94,7 @@ class Experiment:
         )
 
     def recorrected(self, misfit: Misfit, before: Experiment) -> Misfit:
-        """Return residuals with the correction of this experiment in place of that of another experiment."""
+        """Return residuals after a change of their correction for the error of the beam model."""
         # The experiment `before` is the one whose correction the residuals contain.
         # No simulation is needed, because the two experiments differ only in their corrections.
         difference = sum(

@@ -115,7 +115,7 @@ class Problem:
         return bool(self.unknowns.freed or self.curves or self.priors)
 
     def recorrected(self, evaluation: Evaluation, before: Problem) -> Evaluation:
-        """Convert the residuals of a fit that differs only in the corrections for the error of the beam model."""
+        """Return residuals after a change of their correction for the error of the beam model."""
         # `before` is the other fit. No simulation is needed.
         comparison = evaluation.comparison
         misfits = tuple(
@@ -127,7 +127,7 @@ class Problem:
         return replace(evaluation, comparison=replace(comparison, misfits=misfits))
 
     def nearby(self, independent_points: float) -> Callable[[Array, Evaluation | None], Evaluation]:
-        """Return a function that evaluates candidates, and can start from the result of earlier candidates."""
+        """Return a function that computes the residuals of candidates, and starts the solver from an earlier result."""
         # Candidates have the shape (P, n). `independent_points` determines the weight of the edges.
         return lambda units, near: self.evaluate(
             units, independent_points, near=near.comparison.near if near else (), keep=True

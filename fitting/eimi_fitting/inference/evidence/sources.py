@@ -37,29 +37,33 @@ class Source:
     parts : tuple of str
         Names of its components, such as x and y, in a result.
     unit : str
-        Unit of the components; ``"1"`` for a relative deviation.
+        Unit of the components; ``"1"`` for a relative error.
     largest : float
         Largest accepted standard deviation, in ``unit``.
     usual : float
         Usual standard deviation in a laboratory, in ``unit``.
     is_decisive : bool
-        Whether a fit reports the effect of ``usual`` if no file specifies an uncertainty.
+        Whether a fit reports the effect of the usual error if no file specifies an uncertainty.
     is_even : bool
-        Whether the effect is equal in a reversed field.
+        Whether the effect is equal in a reversed magnetic field.
     common : bool
-        Whether the error of the input is by default equal in all datasets.
+        Whether all datasets usually have the same error of this input.
     covers : tuple of str
-        Inputs with an equal effect.
+        Names of inputs with an equal effect.
     stated_in : str or None
         The file that specifies the uncertainty: "specimen", "calibration" or "rig".
     key : str
         Key of the input in this file.
     field : callable, optional
-        Converts P deviations (P, parts) to factors (P,) on the magnetic loads.
+        Converts errors of the input to factors on the magnetic loads.
     image : callable, optional
-        Converts P deviations (P, parts) to maps of the image: matrices (P, 2, 2) and shifts (P, 2) in mm.
-    specimen, loads, lens : callable, optional
-        Change the specimen, the loads or the view of the lens by one deviation (parts,).
+        Converts errors of the input to linear maps of the picture: matrices, and shifts in mm.
+    specimen : callable, optional
+        Changes the specimen by an error of the input.
+    loads : callable, optional
+        Changes the loads by an error of the input.
+    lens : callable, optional
+        Changes the view of the lens by an error of the input.
     """
 
     words: str
@@ -73,8 +77,11 @@ class Source:
     covers: tuple[str, ...] = ()
     stated_in: File | None = None
     key: str = ""
+    # From (P, parts) to (P,).
     field: Callable[[Array], Array] | None = None
+    # From (P, parts) to (P, 2, 2) and (P, 2).
     image: Callable[[Array], tuple[Array, Array]] | None = None
+    # Each takes one error, (parts,).
     specimen: Callable[[Specimen, Array], Specimen] | None = None
     loads: Callable[[Loads, Array], Loads] | None = None
     lens: Callable[[View, Array], View] | None = None

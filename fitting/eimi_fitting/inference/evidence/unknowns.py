@@ -162,7 +162,7 @@ class SharedUnknowns:
 
 
 def shared(source: str, stated: Sequence[Sequence[StatedSource]]) -> tuple[SharedUnknowns, ...]:
-    """Divide the datasets of a fit into groups in which the error of an input is equal."""
+    """Group the datasets of a fit that share the error of an input, such as all datasets of one coil."""
     # `stated` are the uncertainties that the files of each dataset specify.
     # Datasets whose files specify the same object for the input, such as the same coil, form a group.
     groups: dict[str, list[int]] = {}

@@ -116,7 +116,7 @@ def considered(
 def changes_of(
     problem: Problem, unit: Array, numbers: Sequence[tuple[SharedUnknowns, int]]
 ) -> list[list[Array | None]]:
-    """Return the changes of the residuals if one input at a time has an error of its standard uncertainty."""
+    """Return the changes of the residuals by an error of one standard uncertainty, for each input."""
     # unit (n,): values of the unknowns, scaled to 0..1 between their bounds. numbers: each input and the index of its
     # component, such as 1 for y. The result contains, for each experiment and each input, the change in mm, (K, 2, m).
     return [_changes(problem, unit, index, numbers) for index in range(len(problem.experiments))]

@@ -159,7 +159,7 @@ class Linearisation:
         return tuple(distances)
 
     def covariance(self, widened: float = 1.0) -> Array:
-        """Return the covariance matrix of the unknowns."""
+        """Return the covariance matrix of the unknowns, for noise that is larger by the factor ``widened``."""
         # `widened` is a factor on the estimated noise.
         # The weights of the load cases differ from the inverse variance of their noise (sandwich covariance: Huber
         # 1967, Proc. 5th Berkeley Symp. 1:221).

@@ -106,6 +106,6 @@ def interval_95(values: Array) -> tuple[float, float]:
 
 
 def quantity(value: float, unit: str, drawn: Array, fit_alone: Array) -> Quantity:
-    """Return a value with its 95 % interval, from random draws."""
+    """Return a value with two 95 % intervals, from draws with and without (``fit_alone``) errors of inputs."""
     # `fit_alone` are draws without errors of the inputs, for a second interval.
     return Quantity(float(value), unit, interval_95(drawn), interval_95(fit_alone))

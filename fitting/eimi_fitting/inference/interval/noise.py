@@ -63,7 +63,7 @@ class Effect:
 
     @property
     def remaining_share(self) -> float:
-        """The error of the fitted values with the accurate model, divided by their change by this model."""
+        """The error of the fitted values that remains with the accurate beam model, relative to their change."""
         return self.correction.refinement.remaining_share if self.share is None else self.share
 
 
@@ -273,6 +273,5 @@ def _with_model(states: Sequence[LinearStates], model_mm: Sequence[Array]) -> li
 
 
 def _with_residuals(states: LinearStates, residuals: Array) -> LinearStates:
-    """Replace the residuals in mm of ``states``, and their root mean squares."""
     error = np.sqrt((residuals**2).sum(axis=(1, 2)) / np.maximum(states.counts, 1e-12))
     return replace(states, residuals=residuals, error_mm=np.maximum(error, 1e-12))

@@ -45,7 +45,7 @@ class Ends:
 
 @dataclass
 class _End:
-    """One end of the interval of one unknown, during its iterative computation."""
+    # One end of the interval of one unknown, during its iterative computation.
 
     # Index of the unknown.
     coordinate: int

@@ -32,7 +32,7 @@ class Sensitivity:
 def edge_sensitivity(
     model: BeamModel, law: Law, parameters: Array, loads: Loads, relative_step: float = 1e-4, per_segment: int = 2
 ) -> Sensitivity:
-    """Return the simulated edges of the beam for P parameter sets of a law, and their derivatives.
+    """Return the simulated edges of the beam, and their derivatives by the parameters of a law.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def edge_sensitivity(
     parameters : ndarray, shape (P, n)
         P sets of n parameters in the order and units of the law.
     loads : Loads
-        The loads of K load cases.
+        The loads.
     relative_step : float
         Step of the central difference as a share of the parameter, if the parameter is not zero.
     per_segment : int
