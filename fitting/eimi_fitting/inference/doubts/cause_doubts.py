@@ -29,7 +29,7 @@ def cause_doubts(
     if not weighed.causes:
         return ()
     dataset = 0 if len(experiments) == 1 else None
-    # No listed bench error explains the residuals.
+    # No listed cause explains the residuals.
     if weighed.as_stated >= _NONE_IMPROBABLE:
         if not is_as_stated(weighed, experiments) and any(
             noise_ratio(e, m) > OF_NOISE for e, m in pairs(experiments, final)
