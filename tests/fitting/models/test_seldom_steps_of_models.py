@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-import inspect
 from dataclasses import replace
-from importlib import import_module
-from pathlib import Path
-from pkgutil import iter_modules
 from typing import Any
 
 import numpy as np
 import pytest
 
-import eimi_fitting.beam
-import eimi_fitting.laws
 from eimi_fitting import LAWS, Beam, BeamModel, Loads, Magnet, Specimen
 from eimi_fitting.beam import beside as beside_module
 from eimi_fitting.beam import brick, element
@@ -34,48 +28,12 @@ from eimi_fitting.laws.law import NotInSolver
 from eimi_fitting.laws.prony import Prony
 from eimi_fitting.laws.yeoh import _STABILITY, _stability_polynomial
 from examples.arruda_boyce import ArrudaBoyce
-from tests.shared.accepted_numbers import check
 
 MAGNET = Magnet(4.0, 3.0, 2.5, 1.2, 7500.0)
 BEAM = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-stress", MAGNET)
 BARE = replace(BEAM, magnet=None)
 MODULUS = np.array([[80e3]])
 NEO = LAWS["neo-hookean"]
-
-
-def defaults_of(function: Any) -> list[str]:
-    try:
-        parameters = inspect.signature(function).parameters.values()
-    except (TypeError, ValueError):
-        return []
-    return [f"{p.name} = {p.default!r}" for p in parameters if isinstance(p.default, bool | int | float | str | tuple)]
-
-
-def test_arguments_and_fields_have_the_accepted_defaults(tmp_path: Path) -> None:
-    lines: list[str] = []
-    for package in (eimi_fitting.beam, eimi_fitting.laws):
-        for name in sorted(found.name for found in iter_modules(package.__path__)):
-            module = import_module(f"{package.__name__}.{name}")
-            for key, value in vars(module).items():
-                if getattr(value, "__module__", None) != module.__name__ or key[0] == "_" or key == "Status":
-                    continue
-                lines += [f"{name}.{key}: {text}" for text in defaults_of(value)]
-                for part, method in vars(value).items() if inspect.isclass(value) else ():
-                    method = getattr(method, "__func__", method)
-                    if inspect.isfunction(method) and part[0] != "_":
-                        lines += [f"{name}.{key}.{part}: {text}" for text in defaults_of(method)]
-    check(lines, Path(__file__).parent / "accepted" / "defaults.txt", tmp_path, relative=0.0, absolute=0.0)
-
-
-def test_each_outcome_has_its_stored_number() -> None:
-    assert [(status.name, int(status)) for status in Status] == [
-        ("CONVERGED", 0),
-        ("DIVERGED", 1),
-        ("OUT_OF_ITERATIONS", 2),
-        ("UNSTABLE", 3),
-        ("ASTRAY", 4),
-        ("BUCKLED", 5),
-    ]
 
 
 @pytest.mark.parametrize(("along", "half"), [(26, 13), (5, 2), (1, 1)])
@@ -204,6 +162,57 @@ def test_the_difference_of_a_solid_is_the_prediction_within_the_accuracy(
         assert len(effect.places) == number
 
 
+def effect_of_turns(beside: SolidBeside, monkeypatch: pytest.MonkeyPatch, turns: list[float]) -> Any:
+    """Return the depth effect if the tip turns by given angles and all differences of solid and plane are unequal."""
+    rest, number = beside.solid.solid.rest(1), [0.0]
+
+    def unequal(self: SolidBeside, *given: Any) -> Any:
+        number[0] += 1.0
+        return replace(rest, displacement=rest.displacement + number[0] ** 3)
+
+    monkeypatch.setattr(SolidBeside, "_difference", unequal)
+    monkeypatch.setattr(SolidBeside, "_turn", lambda self, flat: np.array(turns))
+    return beside.solve(NEO, MODULUS, LOADS).effect
+
+
+@pytest.mark.parametrize(
+    ("turns", "by_turn"),
+    [
+        ([0.0, 0.0003, 0.0006, 0.00099], False),
+        ([0.0, 0.0003, 0.0006, 0.00101], True),
+        ([0.0, -0.5, -0.8, -1.0], True),
+        ([0.0, 0.5, 1.0, 0.9991], True),
+        ([0.0, 0.5, 1.0, 0.9989], False),
+        ([0.0, -0.5, -1.0, -0.9991], True),
+        ([0.0, -0.5, -1.0, -0.9989], False),
+        ([0.5, 1.0, 0.2, 0.8], False),
+    ],
+)
+def test_states_are_ordered_by_a_rotation_that_grows_by_more_than_a_thousandth(
+    beside: SolidBeside, monkeypatch: pytest.MonkeyPatch, turns: list[float], by_turn: bool
+) -> None:
+    effect = effect_of_turns(beside, monkeypatch, turns)
+    assert effect.by_turn is by_turn
+    if not by_turn:
+        assert max(effect.places) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("turns", "places"),
+    [
+        ([0.1, 0.4, 0.7, 1.1], [1.1, 0.1, 0.7, 0.4]),
+        ([0.1, 0.1009, 0.7, 1.1], [1.1, 0.1, 0.7]),
+        ([0.1, 0.1011, 0.7, 1.1], [1.1, 0.1, 0.7, 0.1011]),
+        ([0.0, 0.0002, 0.0004, 0.0011], [0.0011, 0.0, 0.0004, 0.0002]),
+        ([-0.2, -0.3, -0.9, -1.2], [-1.2, -0.2, -0.9, -0.3]),
+    ],
+)
+def test_a_state_within_a_thousandth_of_a_solved_one_is_not_solved(
+    beside: SolidBeside, monkeypatch: pytest.MonkeyPatch, turns: list[float], places: list[float]
+) -> None:
+    assert list(effect_of_turns(beside, monkeypatch, turns).places) == places
+
+
 def test_a_folded_element_is_named_by_its_number() -> None:
     flat = grid_mesh(np.array([0.0, 1.0, 2.0, 3.0]), np.array([0.0, 1.0]))
     turned = replace(flat, nodes=np.where(flat.nodes[:, :1] > 2, flat.nodes * [1.0, -1.0], flat.nodes))
@@ -272,3 +281,46 @@ def test_the_stability_polynomial_of_yeoh_is_that_of_equibiaxial_tension() -> No
         expected = q**5 * (slope * i2 + bend * (i1 * i2 - 9))
         powers = (q - 1) ** np.arange(10)
         assert powers @ _stability_polynomial() @ [c10, c20, c30] == pytest.approx(expected)
+
+
+def test_a_step_in_time_ends_with_a_small_iteration_or_after_twelve(monkeypatch: pytest.MonkeyPatch) -> None:
+    model, series = BeamModel(BARE, 2, 1), Prony(np.array([0.1]), np.array([1.0]))
+    motion = Transient(model, NEO, MODULUS[0], series, Loads.along([0.0]))
+    sizes: list[float] = []
+
+    def stepped(self: Transient, *given: Any) -> tuple[np.ndarray, np.ndarray]:
+        moved = np.zeros(model.mesh.nodes.shape)
+        moved[-1, 1] = sizes.pop(0)
+        return moved, np.zeros(3)
+
+    monkeypatch.setattr(Transient, "_newton", stepped)
+    for given, left in [([0.9e-7, 1.0], 1), ([-1.1e-7, 0.9e-7, 1.0], 1), ([1e-3] * 11 + [9e-8, 1.0], 1)]:
+        sizes[:] = given
+        motion._advance(0.1, Loads.along([0.0]), False)
+        assert len(sizes) == left
+    for given, left in [([1e-3] * 14, 2), ([1e-3, np.nan, 1e-3, 1e-3], 2)]:
+        sizes[:] = given
+        with pytest.raises(NotSolved, match=r"does not converge at 0\.4 s"):
+            motion._advance(0.1, Loads.along([0.0]), False)
+        assert len(sizes) == left
+    assert motion.time_s == pytest.approx(0.3)
+
+
+def test_a_step_in_time_is_divided_until_it_is_solved(monkeypatch: pytest.MonkeyPatch) -> None:
+    motion = Transient(
+        BeamModel(BARE, 2, 1), NEO, MODULUS[0], Prony(np.array([0.1]), np.array([1.0])), Loads.along([0.0])
+    )
+    before, lengths = motion._state, []
+
+    def only_short(self: Transient, step_s: float, *given: Any) -> None:
+        lengths.append(step_s)
+        if step_s > 0.3 and len(lengths) != 2:
+            raise NotSolved
+        self.time_s += step_s
+        self._state = replace(self._state, nodes=self._state.nodes + 1)
+
+    monkeypatch.setattr(Transient, "_advance", only_short)
+    motion.advance(1.0, Loads.along([0.0]))
+    assert lengths == [1.0, 0.5, 0.5, *[0.25] * 4]
+    assert motion.time_s == 1.0
+    assert motion._state.nodes == pytest.approx(before.nodes + 4)

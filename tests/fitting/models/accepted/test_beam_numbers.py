@@ -34,6 +34,7 @@ from eimi_fitting.beam.specimen import PressureFace
 from eimi_fitting.beam.strip import Strip
 from eimi_fitting.beam.system import FactoredSystem, System
 from eimi_fitting.beam.transient import Transient
+from eimi_fitting.beam.twist import torsion_constant_mm4, twist_per_tilt, weight_beyond_kg
 from eimi_fitting.beam.vibration import Vibration
 from eimi_fitting.beam.view import View
 from eimi_fitting.laws.prony import Prony
@@ -679,3 +680,22 @@ def test_vibrations_have_the_accepted_numbers(name: str, tmp_path: Path) -> None
     lines += of([given.material, given.rest, given.mass, given.frequencies_Hz(2)], "given shapes")
     lines += of([given.take(np.array([1])).material, given.take(np.array([1])).rigid], "taken")
     compare(lines, f"vibration, {name}.txt", tmp_path)
+
+
+def test_a_twist_has_the_accepted_numbers(tmp_path: Path) -> None:
+    rng, along = np.random.default_rng(12), np.linspace(0, 25, 6)
+    angle = np.array([[0.02], [0.04]]) * along
+    steps = np.stack([np.cos(angle[:, 1:]), np.sin(angle[:, 1:])], axis=-1) * 5.0
+    middle = np.concatenate([np.zeros((2, 1, 2)), np.cumsum(steps, axis=1)], axis=1)
+    parts = {
+        "torsion": [torsion_constant_mm4(3.0, 5.0), torsion_constant_mm4(5.0, 3.0), torsion_constant_mm4(2.0, 2.0)],
+        "weight": weight_beyond_kg(BEAM, along),
+        "weight without a magnet": weight_beyond_kg(replace(BEAM, magnet=None), along),
+        "twist": twist_per_tilt(
+            middle, rng.normal(0, 1e-4, (2, 5)), rng.normal(0, 5e-3, (2, 5, 2)), rng.normal(0, 1e-4, (2, 2)), 2e-6, 1e-6
+        ),
+    }
+    compare(of(parts, "twist"), "twist.txt", tmp_path)
+    whole = 1e-9 * (30 * 3 * 5 * 1070 + 4 * 2 * 2.5 * (7500 - 1070))
+    assert weight_beyond_kg(BEAM, np.zeros(1)) == pytest.approx(whole)
+    assert weight_beyond_kg(replace(BEAM, magnet=None), np.array([35.0])) == 0.0
