@@ -514,3 +514,30 @@ def test_values_that_are_not_finite_do_not_change_the_scale_of_an_image() -> Non
     corrected = FieldCorrection(np.full((4, 4), -900.0), None).apply(image)
     assert corrected[1, 1] == 1023.0
     assert corrected[0, 0] == 900.0
+
+
+def test_a_step_of_the_shared_unknowns_is_a_gauss_newton_step_with_priors() -> None:
+    cover = Cover(np.array([0, 1]), np.array([4.0, 6.0]), np.array([0.5, 2.0]), 0.1)
+    shared = _SharedUnknowns(1.2, cover, 12.0)
+    rng = np.random.default_rng(6)
+    reduced, residuals = rng.normal(0.0, 3.0, (4, 5, 3)), rng.normal(0.0, 1.0, (4, 5))
+    before = shared.values.copy()
+    jacobian = reduced.reshape(20, 3)
+    noise = (residuals**2).mean()
+    precision = np.array([0.0, 4.0, 0.25])
+    normal = jacobian.T @ jacobian + noise * np.diag(precision)
+    target = jacobian.T @ residuals.ravel() - noise * precision * (before - [0.0, 4.0, 6.0])
+    expected = np.linalg.solve(normal, target)
+    change = shared.step(reduced, residuals)
+    assert np.abs(expected).max() < 0.6
+    assert change == pytest.approx(expected, rel=1e-6)
+    assert shared.values == pytest.approx(before + expected, rel=1e-6)
+    assert shared.cover_variances() == pytest.approx(noise * np.diag(np.linalg.inv(normal))[1:], rel=1e-6)
+    far = _SharedUnknowns(1.2, cover, 12.0)
+    assert np.abs(far.step(0.01 * reduced, residuals)).max() == 0.6  # at most half of the blur
+    none = _SharedUnknowns(0.5, Cover(np.zeros(0, int), np.zeros(0), np.zeros(0), 0.0), 12.0)
+    none.step(-np.ones((1, 3, 1)), np.full((1, 3), 9.0))
+    assert none.blur_px == 0.3  # the smallest blur
+    idle = _SharedUnknowns(1.0, cover, 12.0)
+    idle.step(np.zeros((0, 5, 3)), np.zeros((0, 5)))
+    assert idle.values.tolist() == [1.0, 2.0, 3.0]
