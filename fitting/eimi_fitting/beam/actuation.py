@@ -1,4 +1,4 @@
-"""The interface of one kind of load (an actuation), with its values in each load state and its forces on a mesh.
+"""The interface of one kind of load, with its values in each load state and its forces on a mesh.
 
 A dead load keeps its direction and size. With the translation U of the rigid magnet and the matrix R of its rotation
 theta, the potential of a dead load on the magnet is -F . U - Q : R - M theta (force F, tensor Q, moment M).
@@ -22,18 +22,18 @@ Array = NDArray[np.float64]
 
 
 class Actuation(Protocol):
-    """One kind of load in K load states, described by m components in each state, such as those of a force.
+    """One kind of load on a beam, such as a force at the tip, in a sequence of load states.
 
-    The forces on the mesh must be linear in the m components.
+    The forces on the mesh must be linear in the components of the load.
     """
 
     @property
     def numbers(self) -> Array:
-        """Return the m components of the load, such as those of a force, in each of K load states, shape (K, m)."""
+        """The components of the load, such as those of a force, one row for each load state."""
         ...
 
     def take(self, states: NDArray[np.intp]) -> Self:
-        """Return the load in the load states with the given indices only."""
+        """Return the load in some of the load states only."""
         ...
 
     def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
@@ -42,7 +42,7 @@ class Actuation(Protocol):
         Parameters
         ----------
         numbers : ndarray, shape (m,)
-            The m components of the load in this state.
+            The components of the load in this state, such as those of a force.
         field_factor : ndarray, shape (B,)
             Factor on magnetic loads for each of B candidate laws.
         mesh : LoadedMesh
@@ -54,7 +54,7 @@ class Actuation(Protocol):
 
 
 class Places(Protocol):
-    """The geometry of a meshed specimen: where the magnet is, and which nodes share a force."""
+    """The geometry of a meshed specimen: the place of the magnet, and the nodes that share a force."""
 
     specimen: Specimen
     strip: Strip
@@ -65,62 +65,41 @@ class Places(Protocol):
     per_specimen: float
 
     def straightened(self, points_mm: Array) -> Array:
-        """Map n points (x, y) of the specimen at rest, (n, 2) in mm, to the straight reference beam, (n, 2) in mm."""
+        """Map points of the specimen at rest to the straight reference beam."""
 
     def on_magnet(self, points_mm: Array) -> NDArray[np.bool_]:
-        """Return whether each of n points moves rigidly with the magnet, shape (n,).
-
-        points_mm: points (x, y) of the straight reference beam, (n, 2).
-        """
+        """Return whether each point moves rigidly with the magnet."""
+        # ``points_mm`` (n, 2): points (x, y) of the straight reference beam.
 
     def through_depth(self, point_mm: Array) -> tuple[Indices, Array]:
-        """Return the nodes that share a force, and the fractions of the force on them, (m, n) each.
-
-        The force is spread over m elements of n nodes through the depth. point_mm: the point (x, y) in the straight
-        reference beam.
-        """
+        """Return the nodes that share a force at a point, and their fractions of the force."""
+        # The force is spread over m elements of n nodes through the depth: (m, n) each. ``point_mm``: the point (x, y)
+        # in the straight reference beam.
 
 
 def _turned(vector: Array, angle_rad: Array | float) -> Array:
-    """Return a vector (x, y) rotated by one angle, shape (2,), or by each of n angles, shape (2, n)."""
+    """Rotate a vector (x, y) by one angle or by several angles."""
+    # Several angles (n,) give (2, n).
     c, s = np.cos(angle_rad), np.sin(angle_rad)
     return np.array([c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]])
 
 
 class LoadedMesh:
-    """The mesh of a specimen, with the integrals that are needed to compute loads.
+    """The mesh of a specimen, with the integrals that are needed to compute loads."""
 
-    The mesh has N nodes with d coordinates, and E elements with n nodes each.
-
-    Attributes
-    ----------
-    specimen : Specimen
-        The specimen.
-    share : float
-        The fraction of a load on the specimen that acts on the mesh.
-    nodal_mass : ndarray, shape (N,)
-        Mass of the silicone at each node in kg (in kg/mm for a planar mesh).
-    slopes : ndarray, shape (N, d)
-        Integrals of the derivatives of the nodes' shape functions in mm² (in mm for a planar mesh).
-    nodal_dipole : ndarray, shape (N,)
-        Forces on the nodes of magnetised silicone, divided by a uniform field, in N/T.
-    element_dipole : ndarray, shape (E, n)
-        The contribution of each element to ``nodal_dipole``.
-    element_share : ndarray, shape (E, n)
-        Weights of an element's nodes that give the middle of the element.
-    element_nodes_mm : ndarray, shape (E, n, 2)
-        Positions (x, y) at rest of the nodes of each element.
-    field_place_mm : ndarray, shape (2,)
-        The point (x, y) at rest at which a non-uniform field is specified.
-    magnet_mass : float
-        Mass of the magnet and of the silicone that moves rigidly with it, in the unit of ``nodal_mass``.
-    magnet_face_mm : ndarray, shape (2,)
-        The middle (x, y) at rest of the magnet's inner face.
-    magnet_centre_mm : ndarray, shape (2,)
-        Vector (x, y) at rest from the inner face to the middle of the magnet.
-    magnet_dipole : ndarray, shape (2,)
-        Magnetic moment (x, y) at rest in N mm/T.
-    """
+    # N nodes with d coordinates, and E elements with n nodes each.
+    # ``share``: the fraction of a load on the specimen that acts on the mesh.
+    # ``nodal_mass`` (N,): mass of the silicone at each node in kg (in kg/mm for a planar mesh).
+    # ``slopes`` (N, d): integrals of the derivatives of the shape functions in mm² (in mm for a planar mesh).
+    # ``nodal_dipole`` (N,): forces on the nodes of magnetised silicone, divided by a uniform field, in N/T.
+    # ``element_dipole`` (E, n): the contribution of each element to ``nodal_dipole``.
+    # ``element_share`` (E, n): weights of an element's nodes that give the middle of the element.
+    # ``element_nodes_mm`` (E, n, 2): positions (x, y) at rest of the nodes of each element.
+    # ``field_place_mm`` (2,): the point (x, y) at rest at which a non-uniform field is specified.
+    # ``magnet_mass``: mass of the magnet and of the silicone that moves rigidly with it, in the unit of ``nodal_mass``.
+    # ``magnet_face_mm`` (2,): the middle (x, y) at rest of the magnet's inner face.
+    # ``magnet_centre_mm`` (2,): vector (x, y) at rest from the inner face to the middle of the magnet.
+    # ``magnet_dipole`` (2,): magnetic moment (x, y) at rest in N mm/T.
 
     def __init__(self, grid: Places, solid: Solid) -> None:
         self.specimen, self.share = grid.specimen, grid.per_specimen
@@ -156,7 +135,7 @@ class LoadedMesh:
             self.magnet_dipole = _turned(moment * np.array(magnet.direction), grid.turn_rad)
 
     def at_rest(self, straight_mm: Array) -> Array:
-        """Map a point (x, y) of the straight reference beam to the specimen at rest, in mm."""
+        """Map a point (x, y) of the straight reference beam to the specimen at rest."""
         return self._grid.strip.at_rest(straight_mm[None])[0]
 
     @property
@@ -170,10 +149,9 @@ class LoadedMesh:
         return self._dimensions == 3
 
     def apply_force(self, force: Array, point_mm: Array, total: SolidLoads) -> None:
-        """Add a force with constant direction and size to the sum of all loads, in place.
-
-        force: the force (x, y) in N on the simulated part of the specimen. point_mm: its point (x, y) at rest.
-        """
+        """Add a force with constant direction and size to the sum of all loads, in place."""
+        # ``force``: the force (x, y) in N on the simulated part of the specimen. ``point_mm``: its point (x, y) at
+        # rest.
         straight = self._grid.straightened(point_mm)
         if self._grid.on_magnet(straight)[0]:
             total.force[:] += force
@@ -185,11 +163,9 @@ class LoadedMesh:
             total.nodal[..., :2] += shares
 
     def loads(self, actuations: tuple[Actuation, ...], numbers: Array, field_factor: Array) -> SolidLoads:
-        """Return the sum of all kinds of load (``actuations``) in one load state.
-
-        numbers: the components of all kinds of load, (m,). field_factor: factor on magnetic loads for each of B
-        candidate laws, (B,).
-        """
+        """Return the sum of all kinds of load in one load state."""
+        # ``numbers`` (m,): the components of all kinds of load. ``field_factor`` (B,): factor on magnetic loads for
+        # each of B candidate laws.
         batch = len(field_factor)
         total = SolidLoads(
             nodal=np.zeros((batch, len(self.nodal_mass), self._dimensions)),

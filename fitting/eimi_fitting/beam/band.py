@@ -1,6 +1,6 @@
-"""Band matrices of a batch of candidates (sets of parameters of a law): assembly, and factorisation by LAPACK.
+"""Solve many linear systems with band matrices at once: assembly, and factorisation by LAPACK.
 
-The matrices of the candidates are the diagonal blocks of one long band matrix.
+Each set of parameters of a law has its own system. The matrices are the diagonal blocks of one long band matrix.
 """
 
 from __future__ import annotations
@@ -18,10 +18,8 @@ _Layer = tuple[NDArray[np.integer], NDArray[np.integer], bool]
 
 
 def bandwidth(dofs: Indices) -> int:
-    """Return the largest distance of nonzero entries of the assembled stiffness matrix from its main diagonal.
-
-    dofs: indices of the d unknowns of each of E elements, (E, d); -1 for a fixed unknown.
-    """
+    """Return the largest distance of nonzero entries of the assembled stiffness matrix from its main diagonal."""
+    # ``dofs`` (E, d): indices of the d unknowns of each of E elements; -1 for a fixed unknown.
     return int((dofs.max(axis=1) - np.where(dofs < 0, dofs.max(), dofs).min(axis=1)).max())
 
 
@@ -31,19 +29,12 @@ def _most_contributions(earlier: Indices) -> int:
 
 
 class BandAssembly:
-    """The assembly of the element matrices into the band matrix of the whole mesh.
-
-    Parameters
-    ----------
-    dofs : ndarray of int, shape (E, d)
-        Indices of the d unknowns of each of E elements; -1 for a fixed unknown.
-    n : int
-        Number of unknowns of the mesh.
-    at_once : int or None
-        Number of elements whose matrices are in memory at a time; None: all elements.
-    """
+    """The assembly of element matrices into the band matrix of the whole mesh."""
 
     def __init__(self, dofs: Indices, n: int, at_once: int | None = None) -> None:
+        # ``dofs`` (E, d): indices of the d unknowns of each of E elements; -1 for a fixed unknown. ``n``: number of
+        # unknowns of the mesh. ``at_once``: number of elements whose matrices are in memory at a time; None: all
+        # elements.
         self.n = n
         elements, d = dofs.shape
         size = at_once or elements
@@ -97,14 +88,13 @@ class BandAssembly:
         return indices
 
     def divided(self, element_matrices: Array) -> Iterator[Array]:
-        """Divide the matrices of E elements for B candidate laws, (E, B, d, d), into the groups for `matrix`."""
+        """Divide the element matrices into the groups that `matrix` needs."""
+        # (E, B, d, d) for E elements and B systems.
         return (element_matrices[part] for part in self.parts)
 
     def matrix(self, parts: Iterable[Array]) -> Array:
-        """Return the band matrix of the whole mesh for B candidate laws and n unknowns, (B, n, bandwidth + 1).
-
-        parts: the matrices of each group of e elements with d unknowns, (e, B, d, d).
-        """
+        """Assemble the lower band of each system matrix from groups of element matrices."""
+        # Each group is (e, B, d, d), and the result is (B, n, bandwidth + 1).
         band = np.zeros(0)
         for k, matrices in enumerate(parts):
             batch = matrices.shape[1]
@@ -119,10 +109,8 @@ class BandAssembly:
         return band.reshape(-1, self.n, self.bandwidth + 1)
 
     def vector(self, element_vectors: Array) -> Array:
-        """Add the vectors of E elements, (E, B, d), to one vector of the mesh for each of B candidate laws, (B, n).
-
-        Each element has d unknowns, and the mesh has n.
-        """
+        """Assemble the vector of the whole mesh from the vectors of its elements."""
+        # (E, B, d) gives (B, n).
         elements, batch, d = element_vectors.shape
         total = self._sum @ element_vectors.transpose(0, 2, 1).reshape(elements * d, batch)
         return np.ascontiguousarray(total.T)
@@ -130,7 +118,7 @@ class BandAssembly:
 
 @dataclass(frozen=True)
 class BandFactor:
-    """Cholesky or LU factors of the band matrices of B candidate laws, with which linear systems are solved."""
+    """The Cholesky or LU factors of many band matrices."""
 
     # (B,): whether each matrix could be factorised.
     sound: NDArray[np.bool_]
@@ -144,10 +132,8 @@ class BandFactor:
     bandwidth: int
 
     def solve(self, right: Array) -> Array:
-        """Return the solutions for one right-hand side (B, n), or for m right-hand sides (m, B, n), in the same shape.
-
-        The solution is zero for a matrix that could not be factorised.
-        """
+        """Solve the linear systems for one or several right-hand sides."""
+        # (B, n) or (m, B, n), as the result. The solution is zero for a matrix that could not be factorised.
         right = np.where(self.sound[:, None], right, 0.0)
         if self.cholesky is None:
             return self._by_lu(right)
@@ -215,7 +201,7 @@ def factorise(
 def _general_factors(
     lower: Array, upper: Array, sound: NDArray[np.bool_]
 ) -> tuple[tuple[Array, Indices], NDArray[np.bool_]]:
-    """Return the LU factors and pivots of B band matrices, and whether each matrix could be factorised, shape (B,)."""
+    """Return the LU factors and pivots of band matrices, and whether each matrix could be factorised."""
     n, width = lower.shape[1:]
     while True:
         full = _general(_with_identity(lower, sound), _with_identity(upper, sound))
@@ -227,7 +213,7 @@ def _general_factors(
 
 
 def bounded(values: Array) -> NDArray[np.bool_]:
-    """Return whether the sum of squares is finite in each of B rows of an array, shape (B,)."""
+    """Return whether the sum of squares is finite in each row of an array."""
     if np.isfinite(np.vdot(values, values)):
         return np.ones(len(values), bool)
     flat = values.reshape(len(values), -1)
@@ -243,7 +229,8 @@ def _with_identity(band: Array, sound: NDArray[np.bool_]) -> Array:
 
 
 def _general(lower: Array, upper: Array) -> Array:
-    """Store B band matrices with n rows and w diagonals as one matrix in LAPACK's format, (3 w - 2, B n)."""
+    """Store band matrices as one matrix in LAPACK's format."""
+    # B matrices with n rows and w diagonals give (3 w - 2, B n).
     batch, n, width = lower.shape
     k = width - 1
     below, above = lower.reshape(batch * n, width), upper.reshape(batch * n, width)

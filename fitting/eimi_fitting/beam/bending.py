@@ -1,4 +1,4 @@
-"""The public forward model: compute the bent beam from a specimen with any section, a hyperelastic law and loads."""
+"""The public model of a bent beam: compute its shapes from a specimen, a hyperelastic law and loads."""
 
 from __future__ import annotations
 
@@ -26,16 +26,19 @@ _ALONG = 26  # elements of the flexible part, twice as many as the search of a f
 
 @dataclass(frozen=True)
 class BentBeam:
-    """The bent shapes for one candidate (set of parameters of a law), or for P candidates, in K load states.
+    """The bent shapes of a beam for one or several candidate laws (sets of parameters), in each load state.
+
+    Results have the axes (candidate law, load state, ...). The first axis is missing if the parameters of one candidate
+    were given.
 
     Attributes
     ----------
     model : BeamModel or SolidModel
         The finite-element model that was solved.
     shapes : Shapes
-        The solution for P candidates, with P = 1 for one candidate.
+        The solution for all candidates.
     is_one : bool
-        Whether the parameters of one candidate were given, as shape (n,). The results then have no axis of length P.
+        Whether the parameters of one candidate were given, as shape (n,).
     """
 
     model: BeamModel | SolidModel
@@ -44,32 +47,26 @@ class BentBeam:
 
     @property
     def status(self) -> NDArray[np.int8]:
-        """The outcome of the solution (`Status`) in each of K load states, (K,), or (P, K) for P candidate laws."""
+        """The outcome of the solution (`Status`) in each load state."""
         return self._rows(self.shapes.status)
 
     @property
     def converged(self) -> bool | NDArray[np.bool_]:
-        """Whether every load state has the status CONVERGED: one bool, or shape (P,) for P candidate laws."""
+        """Whether every load state has the status CONVERGED."""
         return bool(self.shapes.converged[0]) if self.is_one else self.shapes.converged
 
     @property
     def max_stretch(self) -> Array:
-        """Largest principal stretch in the silicone in each of K load states, (K,), or (P, K) for P candidate laws.
-
-        NaN in a state without a solution.
-        """
+        """Largest principal stretch in the silicone in each load state; NaN without a solution."""
         return self._rows(self._where_reached(self.shapes.max_stretch))
 
     @property
     def tip_angle_deg(self) -> Array:
-        """Rotation of the tip from rest in degrees in each of K load states, (K,), or (P, K) for P candidate laws.
-
-        NaN in a state without a solution.
-        """
+        """Rotation of the tip from rest in degrees in each load state; NaN without a solution."""
         return self._rows(self._where_reached(self.model.tip_angle_deg(self.shapes)))
 
     def positions(self, points_mm: ArrayLike) -> Array:
-        """Return the positions of n material points of the beam in each of K load states.
+        """Return the positions of material points of the beam in each load state.
 
         Parameters
         ----------
@@ -79,8 +76,9 @@ class BentBeam:
 
         Returns
         -------
-        ndarray, shape (K, n, 2 or 3), or (P, K, n, 2 or 3) for P candidate laws
-            Positions in mm; NaN in a state whose status is neither CONVERGED nor UNSTABLE.
+        ndarray, shape (K, n, 2 or 3), or (P, K, n, 2 or 3)
+            Positions in mm, in K load states, for P candidate laws. NaN in a state whose status is neither CONVERGED
+            nor UNSTABLE.
 
         Raises
         ------
@@ -99,7 +97,7 @@ class BentBeam:
         return self._rows(self._where_reached(places))
 
     def outline(self, view: View | None = None) -> Array:
-        """Return the left and the right outline of the beam in each of K load states, as a camera sees them.
+        """Return the left and the right outline of the beam as a camera sees them.
 
         Parameters
         ----------
@@ -108,15 +106,15 @@ class BentBeam:
 
         Returns
         -------
-        ndarray, shape (K, 2, S, 3, 2), or (P, K, 2, S, 3, 2) for P candidate laws
-            The left outline (y < 0 at rest), then the right outline. Each outline has S quadratic segments from clamp
-            to tip. Each segment is given by three points (x, y) in mm. NaN in a state whose status is neither CONVERGED
-            nor UNSTABLE.
+        ndarray, shape (K, 2, S, 3, 2), or (P, K, 2, S, 3, 2)
+            In K load states, for P candidate laws: the left outline (y < 0 at rest), then the right outline, each as S
+            quadratic segments from clamp to tip. A segment is given by three points (x, y) in mm. NaN in a state whose
+            status is neither CONVERGED nor UNSTABLE.
         """
         return self._rows(self._where_reached(outline(self.model, self.shapes, view)))
 
     def edges(self, per_segment: int = 4, view: View | None = None) -> Array:
-        """Return the left and the right outline of the beam as polylines of m points (x, y) in mm.
+        """Return the left and the right outline of the beam as polylines.
 
         Parameters
         ----------
@@ -127,18 +125,19 @@ class BentBeam:
 
         Returns
         -------
-        ndarray, shape (K, 2, m, 2), or (P, K, 2, m, 2) for P candidate laws in K load states
-            The points of the left polyline (y < 0 at rest), then of the right polyline, from clamp to tip.
+        ndarray, shape (K, 2, m, 2), or (P, K, 2, m, 2)
+            In K load states, for P candidate laws: m points (x, y) in mm of the left polyline (y < 0 at rest), then of
+            the right polyline, from clamp to tip.
         """
         return points_on(self.outline(view), per_segment)
 
     def _where_reached(self, values: Array) -> Array:
-        """Return an array for P candidate laws in K load states, (P, K, ...), with NaN in states without a solution."""
+        """Replace the values in load states without a solution by NaN."""
         is_reached = np.isin(self.shapes.status, (Status.CONVERGED, Status.UNSTABLE))
         return np.where(is_reached.reshape(*is_reached.shape, *[1] * (values.ndim - 2)), values, np.nan)
 
     def _rows(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Return an array (P, ...) for P candidate laws, without its first axis if only one candidate was given."""
+        """Remove the first axis if only one candidate was given."""
         return values[0] if self.is_one else values
 
 
@@ -197,16 +196,16 @@ class Beam:
         bulk_modulus_Pa: ArrayLike | None = None,
         field_factor: ArrayLike | None = None,
     ) -> BentBeam:
-        """Find the equilibrium of one candidate law, or of P candidate laws, in K load states, one after another.
+        """Find the equilibrium of one or several candidate laws (sets of parameters) in each load state.
 
         Parameters
         ----------
         law : Law or str
             A hyperelastic law, or its name in `LAWS`.
         parameters : array_like, shape (n,) or (P, n)
-            The n parameters of the law for one candidate or for P candidate laws; moduli in Pa.
+            The n parameters of one candidate or of P candidates; moduli in Pa.
         loads : Loads
-            The loads in K load states.
+            The loads in a sequence of load states, which are solved one after another.
         bulk_modulus_Pa : array_like, shape () or (P,), or None
             Bulk modulus in Pa; None for an incompressible material.
         field_factor : array_like, shape () or (P,), or None

@@ -1,4 +1,4 @@
-"""The solid model of a specimen, solved at low cost with the help of a planar model.
+"""Solve the solid model of a specimen quickly, with the help of a planar model.
 
 The depth effect is the shape of the solid model minus the shape of the planar model. It is a smooth function of the
 bending. It is computed in a few load states and interpolated between them (`beam.depth_effect`).
@@ -39,7 +39,7 @@ _LEAST_TURN = 1e-3  # rad; beams that turn less are ordered by their load
 class SolidOptions:
     """Options for solving a solid model with the help of a planar model.
 
-    A depth effect is the difference between the shapes of the solid and of the planar model.
+    The depth effect is the difference between the shapes of the solid and of the planar model.
 
     Attributes
     ----------
@@ -68,14 +68,14 @@ class SolidOptions:
 
 @dataclass(frozen=True)
 class SolidShapes(Shapes):
-    """The shapes of a solid model of the beam in K load states."""
+    """The shapes of a solid model of the beam in all load states."""
 
     # The interpolated difference between the solid and the planar shapes; None if no difference was interpolated.
     effect: DepthEffect | None = None
 
 
 class SolidBeside:
-    """The solid model of a specimen for one candidate law, solved at low cost with the help of a planar model.
+    """The solid model of a specimen, solved quickly with the help of a planar model.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ class SolidBeside:
         return SolidBeside(specimen, self.planar.along, self.planar.across, self.solid.more)
 
     def has_mesh_of(self, model: BeamModel) -> bool:
-        """Return whether a planar model has this object's mesh and specimen; the entry ``section`` may differ."""
+        """Return whether a planar model has the same specimen and mesh; the entry ``section`` may differ."""
         planar = self.planar
         same_lines = (planar.along, planar.across, planar.plane) == (model.along, model.across, model.plane)
         return same_lines and replace(planar.specimen, section=model.specimen.section) == model.specimen
@@ -120,7 +120,7 @@ class SolidBeside:
         field_factor: Array | None = None,
         options: SolidOptions | None = None,
     ) -> SolidShapes:
-        """Find the equilibrium of the solid model for one candidate law in K load states.
+        """Find the equilibrium of the solid model for one candidate law (set of parameters) in each load state.
 
         Parameters
         ----------
@@ -144,17 +144,17 @@ class SolidBeside:
             law, parameters, loads, tolerance_mm=tolerance_mm, field_factor=field_factor
         )
         chosen = candidates(law, parameters, "solid", bulk_modulus_Pa, field_factor)
-        effect = lift = None
+        effect = planar_mm = None
         if np.isin(flat.status, (Status.CONVERGED, Status.UNSTABLE)).all():
-            lift = self._in_space(flat)
+            planar_mm = self._in_space(flat)
             candidate = _bent_candidate(chosen, flat)
             effect = options.effect or _effect_of_equal(candidate, options)
             if effect is None and options.method != "follow":
-                interpolated = self._effect(chosen, lift, flat, loads, tolerance_mm, options)
+                interpolated = self._effect(chosen, planar_mm, flat, loads, tolerance_mm, options)
                 effect = replace(interpolated, candidate=candidate) if interpolated else None
         if effect is None and options.method == "interpolate":
             return self._not_solved(flat)
-        if effect is None or lift is None:
+        if effect is None or planar_mm is None:
             followed = self.solid.solve(
                 law,
                 parameters,
@@ -162,10 +162,10 @@ class SolidBeside:
                 tolerance_mm=tolerance_mm,
                 bulk_modulus_Pa=bulk_modulus_Pa,
                 field_factor=field_factor,
-                beside=None if lift is None else self._as_solid(lift, flat, np.arange(len(loads))),
+                beside=None if planar_mm is None else self._as_solid(planar_mm, flat, np.arange(len(loads))),
             )
             return SolidShapes(**vars(followed))
-        return self._shapes(chosen, flat, lift, loads, effect)
+        return self._shapes(chosen, flat, planar_mm, loads, effect)
 
     def _not_solved(self, flat: Shapes) -> SolidShapes:
         """Return undeformed shapes with the status DIVERGED in every load state."""
@@ -179,38 +179,36 @@ class SolidBeside:
         )
 
     def tip_angle_deg(self, shapes: Shapes) -> Array:
-        """Return the rotation of the tip in K load states in degrees, (1, K)."""
+        """Return the rotation of the tip in each load state in degrees."""
         return self.solid.tip_angle_deg(shapes)
 
     def element_stretch(self, shapes: Shapes) -> Array:
-        """Return the largest principal stretch in each of E elements in K load states, (1, K, E)."""
+        """Return the largest principal stretch in each element and load state."""
         return self.solid.element_stretch(shapes)
 
     def positions(self, shapes: Shapes, points_mm: Array) -> Array:
-        """Return the positions of n points of the beam in K load states in mm, (1, K, n, 3).
-
-        points_mm: positions (x, y, z) of the points at rest, (n, 3), with z = 0 at mid-depth.
-        """
+        """Return the positions of points of the beam in each load state in mm."""
+        # ``points_mm`` (n, 3): positions (x, y, z) of the points at rest, with z = 0 at mid-depth. The result is (1, K,
+        # n, 3).
         return self.solid.positions(shapes, points_mm)
 
     def _turn(self, flat: Shapes) -> Array:
-        """Return the rotation of the tip of the planar model in each of K load states, in rad, shape (K,)."""
+        """Return the rotation of the planar model's tip in each load state in rad."""
         return np.asarray(np.radians(self.planar.tip_angle_deg(flat)[0]))
 
     def _effect(
         self,
         chosen: Candidates,
-        lift: Array,
+        planar_mm: Array,
         flat: Shapes,
         loads: Loads,
         tolerance_mm: float,
         options: SolidOptions,
     ) -> DepthEffect | None:
-        """Return the depth effect (solid minus planar shapes) of a candidate law, interpolated between load states.
-
-        None if the differences between the load states are not proportional to each other, or if the solid model has no
-        solution. lift: displacements of the planar model at the nodes of the solid mesh. flat: the planar shapes.
-        """
+        """Compute the difference between the solid and the planar model in a few load states, for interpolation."""
+        # None if the differences between the load states are not proportional to each other, or if the solid model has
+        # no solution. ``planar_mm``: displacements of the planar model at the nodes of the solid mesh. ``flat``: the
+        # planar shapes.
         along = _along_ray(loads)
         if along is None:
             return None
@@ -234,9 +232,9 @@ class SolidBeside:
             distance = np.abs(places[unsolved, None] - solved).prod(axis=1) if len(solved) else np.abs(places[unsolved])
             k = int(unsolved[np.argmax(distance)])
             predicted = effect.at(places[k]) if len(solved) > 1 or effect.base else None
-            lifted = self._as_solid(lift, flat, np.array([k]))
+            planar_start = self._as_solid(planar_mm, flat, np.array([k]))
             difference = self._difference(
-                chosen, loads.on(self.solid.loaded), loads.state(k), lifted, predicted, tolerance_mm
+                chosen, loads.on(self.solid.loaded), loads.state(k), planar_start, predicted, tolerance_mm
             )
             if difference is None:
                 return None
@@ -253,45 +251,43 @@ class SolidBeside:
         chosen: Candidates,
         loads_at: LoadsAt,
         load: Array,
-        lifted: Configuration,
+        planar_start: Configuration,
         predicted: Configuration | None,
         tolerance_mm: float,
     ) -> Configuration | None:
-        """Return the solid minus the planar configuration in one load state; None without a solution.
-
-        lifted: the planar configuration on the mesh of the solid. predicted: the expected difference, if known.
-        """
+        """Solve the solid model in one load state, and return its difference to the planar model."""
+        # None without a solution. ``planar_start``: the planar configuration on the mesh of the solid. ``predicted``:
+        # the expected difference, if known.
         batch, factor = chosen.take(np.arange(1))
-        for start in ([] if predicted is None else [combine([1.0, 1.0], [lifted, predicted])]) + [lifted]:
+        for start in ([] if predicted is None else [combine([1.0, 1.0], [planar_start, predicted])]) + [planar_start]:
             solid, status, _ = self.solid.solid.equilibrium(
                 batch, loads_at(load, factor), start, tolerance_mm, _FEW, only_try=True
             )
             if status[0] == Status.CONVERGED:
-                return combine([1.0, -1.0], [solid, lifted])
+                return combine([1.0, -1.0], [solid, planar_start])
         return None
 
     def _in_space(self, flat: Shapes) -> Array:
-        """Return the planar displacements (x, y, 0) at n points (x, y) in K load states, (1, K, n, 3) in mm."""
+        """Return the displacements of the planar model at the nodes of the solid mesh."""
+        # (1, K, n, 3) in mm for K load states, with zeros for z.
         moved = self.planar.displacements(flat, self._plan)
         return np.concatenate([moved, np.zeros((*moved.shape[:-1], 1))], axis=-1)
 
-    def _as_solid(self, lift: Array, flat: Shapes, states: Indices) -> Configuration:
-        """Return the planar shapes in some load states as configurations of the solid mesh, one row for each state.
-
-        lift: the planar displacements (x, y, 0) in K load states, (1, K, n, 3) in mm.
-        """
+    def _as_solid(self, planar_mm: Array, flat: Shapes, states: Indices) -> Configuration:
+        """Return the shapes of the planar model as configurations of the solid mesh."""
+        # ``planar_mm``: the result of `_in_space`. ``states``: indices of the load states.
         rest = self.solid.solid.rest(len(states))
-        return replace(rest, displacement=lift[0, states][:, self._column], rigid=flat.rigid[0, states])
+        return replace(rest, displacement=planar_mm[0, states][:, self._column], rigid=flat.rigid[0, states])
 
-    def _shapes(self, chosen: Candidates, flat: Shapes, lift: Array, loads: Loads, effect: DepthEffect) -> SolidShapes:
-        """Return the shapes of the solid model: the planar shapes ``flat`` plus the interpolated difference ``effect``.
-
-        lift: the planar displacements at the nodes of the solid mesh.
-        """
+    def _shapes(
+        self, chosen: Candidates, flat: Shapes, planar_mm: Array, loads: Loads, effect: DepthEffect
+    ) -> SolidShapes:
+        """Return the shapes of the solid model: the planar shapes plus the interpolated difference."""
+        # ``planar_mm``: the result of `_in_space`.
         along = None if effect.by_turn else _along_ray(loads)
         places = self._turn(flat) if along is None else along
         moved, turned = effect.displacements(places)
-        displacement = lift[:, :, self._column] + moved
+        displacement = planar_mm[:, :, self._column] + moved
         stretch = self.solid.solid.stretch(displacement[0]).max(axis=(0, 2))
         shapes = SolidShapes(
             displacement=displacement,
@@ -299,7 +295,7 @@ class SolidBeside:
             status=np.full(flat.status.shape, Status.CONVERGED, np.int8),
             iterations=flat.iterations,
             max_stretch=stretch[None],
-            last=combine([1.0, 1.0], [self._as_solid(lift, flat, np.array([-1])), effect.at(float(places[-1]))]),
+            last=combine([1.0, 1.0], [self._as_solid(planar_mm, flat, np.array([-1])), effect.at(float(places[-1]))]),
             effect=effect,
         )
         mark_unstable(chosen, shapes)
@@ -313,7 +309,7 @@ def _bent_candidate(chosen: Candidates, flat: Shapes) -> BentCandidate:
 
 
 def _effect_of_equal(candidate: BentCandidate, options: SolidOptions) -> DepthEffect | None:
-    """Return the depth effect (solid minus planar shapes) that was computed before for an equal law, or None."""
+    """Return the depth effect that was computed before for an equal law, or None."""
     for effect in options.similar:
         if effect.candidate and effect.candidate.is_alike(candidate, options.accuracy_mm):
             return effect
@@ -321,21 +317,16 @@ def _effect_of_equal(candidate: BentCandidate, options: SolidOptions) -> DepthEf
 
 
 def _most_suitable(places: Array, by_turn: bool, similar: tuple[DepthEffect, ...]) -> DepthEffect | None:
-    """Choose the known depth effect (solid minus planar shapes) from which a new one is computed, or None.
-
-    Its largest load is most similar to the largest of K load states. places: rotation of the tip in rad if ``by_turn``,
-    else load from 0 to 1, in each of the K states, (K,). similar: the known depth effects.
-    """
+    """Choose the known depth effect whose largest load is most similar, or None."""
+    # ``places`` (K,): rotation of the tip in rad if ``by_turn``, else load from 0 to 1, in each load state.
     near = [e.without_base for e in similar if e.by_turn == by_turn and e.covers(places)]
     farthest = np.abs(places).max()
     return min(near, key=lambda effect: abs(np.abs(effect.places).max() - farthest), default=None)
 
 
 def _along_ray(loads: Loads) -> Array | None:
-    """Return K load states as multiples of the largest change from the first state, (K,); None if this is impossible.
-
-    It is possible if the differences from the first load state are proportional to each other.
-    """
+    """Return the load states as multiples of the farthest one, or None if they are not proportional."""
+    # (K,), measured from the first load state.
     numbers = np.array([loads.state(k) for k in range(len(loads))])
     from_first = numbers - numbers[0]
     farthest = from_first[np.argmax((from_first**2).sum(axis=1))]

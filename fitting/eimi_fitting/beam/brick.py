@@ -28,7 +28,9 @@ _PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 @dataclass(frozen=True)
 class Operators:
-    """Integrals and derivatives of the shape functions of a solid mesh: E elements with q Gauss points each."""
+    """Integrals and derivatives of the shape functions of a solid mesh."""
+
+    # E elements with q Gauss points each.
 
     # (E, 27, 3 q): derivatives of the shape functions by x, y and z at the Gauss points, in 1/mm.
     gradient: Array
@@ -47,7 +49,7 @@ class Operators:
 
 
 def operators(mesh: Bricks) -> Operators:
-    """Return the integrals and derivatives of the shape functions of a mesh of hexahedra.
+    """Compute the integrals and derivatives of the shape functions of a mesh of hexahedra.
 
     Raises
     ------
@@ -85,17 +87,16 @@ def mixed(batch: Batch) -> bool:
 
 
 def gradients(ops: Operators, nodal: Array) -> Array:
-    """Return du_i/dX_j at q points of E elements for B candidate laws, (3, 3, E, B, q), from u, (E, B, 3, 27) in mm."""
+    """Return the displacement gradient du_i/dX_j at all Gauss points."""
+    # ``nodal`` (E, B, 3, 27): displacements in mm, for E elements and B candidate laws. The result is (3, 3, E, B, q).
     n, b = nodal.shape[:2]
     h = np.matmul(nodal.reshape(n, b * 3, 27), ops.gradient)
     return np.ascontiguousarray(h.reshape(n, b, 3, 3, POINTS).transpose(2, 3, 0, 1, 4))
 
 
 def stretch(ops: Operators, nodal: Array) -> Array:
-    """Return the largest principal stretch (E, B, q) at q Gauss points of E elements for B candidate laws.
-
-    nodal: displacements in mm, (E, B, 3, 27).
-    """
+    """Return the largest principal stretch at all Gauss points."""
+    # ``nodal`` (E, B, 3, 27): displacements in mm. The result is (E, B, q).
     F = gradients(ops, nodal)
     F[range(3), range(3)] += 1
     a, b, c, d, e, f = isotropy.right_cauchy_green(F)
@@ -109,7 +110,9 @@ def stretch(ops: Operators, nodal: Array) -> Array:
 
 
 class Evaluation(NamedTuple):
-    """Forces, stresses and strains of E elements for B candidate laws, at q Gauss points of each element."""
+    """Forces, stresses and strains of all elements."""
+
+    # E elements with q Gauss points each, for B candidate laws.
 
     # (E, B, 3, 27): internal forces on the nodes in N.
     force: Array
@@ -128,10 +131,9 @@ class Evaluation(NamedTuple):
 
 
 def evaluate(ops: Operators, batch: Batch, nodal: Array, pressure: Array) -> Evaluation:
-    """Return forces and stresses of E elements for B candidate laws.
-
-    nodal: displacements in mm, (E, B, 3, 27). pressure: coefficients of the pressure functions in MPa, (E, B, 4).
-    """
+    """Compute the forces and stresses of all elements."""
+    # ``nodal`` (E, B, 3, 27): displacements in mm. ``pressure`` (E, B, 4): coefficients of the pressure functions in
+    # MPa.
     F = gradients(ops, nodal)
     F[range(3), range(3)] += 1
     J = _determinant(F)
@@ -155,15 +157,14 @@ def _determinant(F: Array) -> Array:
 
 
 def stiffness(ops: Operators, ev: Evaluation, predicted: Array) -> Array:
-    """Return the tangent stiffness of E hexahedra for B candidate laws at constant pressure, (E, B, 81, 81) in N/mm.
-
-    predicted: the stress for the geometric part of the stiffness, (6, E, B, q) in MPa at q Gauss points.
-    """
+    """Return the tangent stiffness of all elements at constant pressure in N/mm."""
+    # ``predicted`` (6, E, B, q): the stress for the geometric part of the stiffness in MPa. The result is (E, B, 81,
+    # 81).
     return np.concatenate(list(tangents(ops, ev, predicted)))
 
 
 def tangents(ops: Operators, ev: Evaluation, predicted: Array) -> Iterator[Array]:
-    """Yield the tangent stiffness of each group of e elements, (e, B, 81, 81) in N/mm; see `stiffness`."""
+    """Yield the tangent stiffness of one group of elements after another; see `stiffness`."""
     for some in _parts(len(ops.basis)):
         F, D = ev.F[:, :, some], ev.D[:, :, some]
         n, b = F.shape[2:4]
@@ -188,10 +189,8 @@ def tangents(ops: Operators, ev: Evaluation, predicted: Array) -> Iterator[Array
 
 
 def volume_coupling(ops: Operators, ev: Evaluation) -> Array:
-    """Return the derivatives of E elements' volumes by their displacements for B candidate laws, (E, B, 81, 4) in mm².
-
-    The volume is weighted by each of four pressure functions.
-    """
+    """Return the derivatives of the elements' volumes with respect to their displacements in mm²."""
+    # (E, B, 81, 4): the volume is weighted by each of four pressure functions.
     n, b = ev.J.shape[:2]
     cofactor = isotropy.turned(ev.F, ev.volume).transpose(2, 3, 0, 1, 4).reshape(n, b * 3, 3 * POINTS)
     coupling = np.empty((n, b * 3, 108))
@@ -202,16 +201,14 @@ def volume_coupling(ops: Operators, ev: Evaluation) -> Array:
 
 
 def _parts(elements: int) -> list[slice]:
-    """Return slices that divide the elements into groups of at most `AT_ONCE` elements."""
+    """Divide the elements into groups of at most `AT_ONCE` elements."""
     return [slice(first, first + AT_ONCE) for first in range(0, elements, AT_ONCE)]
 
 
 def predict_stress(ops: Operators, ev: Evaluation, step: Array, pressure_step: Array) -> Array:
-    """Return the second Piola-Kirchhoff stress in MPa after a linear step, (6, E, B, q).
-
-    The stress is that at q points of E elements for B candidate laws. step, pressure_step: changes of the displacements
-    in mm, (E, B, 3, 27), and of the pressures in MPa, (E, B, 4).
-    """
+    """Return the second Piola-Kirchhoff stress in MPa after a linear step."""
+    # ``step`` (E, B, 3, 27): changes of the displacements in mm. ``pressure_step`` (E, B, 4): changes of the pressures
+    # in MPa. The result is (6, E, B, q).
     h = gradients(ops, step)
     g = np.stack([[(ev.F[:, I] * h[:, J]).sum(axis=0) for J in range(3)] for I in range(3)])
     twice = [g[0, 0], g[1, 1], g[2, 2], g[0, 1] + g[1, 0], g[1, 2] + g[2, 1], g[0, 2] + g[2, 0]]

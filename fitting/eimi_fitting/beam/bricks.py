@@ -15,7 +15,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Bricks:
-    """A structured mesh of E hexahedra with N nodes."""
+    """A structured mesh of hexahedra."""
+
+    # E elements and N nodes.
 
     # (N, 3): positions (x, y, z) of the nodes in mm.
     nodes: Array
@@ -32,10 +34,8 @@ def brick_mesh(
     z_mm: Array,
     mapping: Callable[[Array, Array, Array], tuple[Array, Array, Array]] | None = None,
 ) -> Bricks:
-    """Return a mesh of hexahedra between grid lines at the increasing coordinates x_mm, y_mm and z_mm.
-
-    mapping: function of x, y and z in mm that moves the nodes; None: they stay on the grid.
-    """
+    """Build a mesh of hexahedra between grid lines at increasing coordinates."""
+    # ``mapping``: function of x, y and z in mm that moves the nodes; None: they stay on the grid.
     lines = [np.interp(np.arange(2 * len(v) - 1) / 2, np.arange(len(v)), v) for v in (x_mm, y_mm, z_mm)]
     along, across, deep = (len(line) for line in lines)
     numbers: Indices = np.arange(along * across * deep, dtype=np.intp)
@@ -51,7 +51,8 @@ def brick_mesh(
 
 
 def shape_functions(xi: Array, eta: Array, zeta: Array) -> tuple[Array, Array]:
-    """Return 27 Lagrange functions, (n, 27), and their derivatives, (n, 27, 3), at n points of the cube (-1 to 1)."""
+    """Evaluate the 27 Lagrange functions and their derivatives at points of the cube from -1 to 1."""
+    # (n, 27) and (n, 27, 3) for n points.
     (a, da), (b, db), (c, dc) = (quadratic_line(s) for s in (xi, eta, zeta))
 
     def product(f: Array, g: Array, h: Array) -> Array:

@@ -24,21 +24,9 @@ _SYMMETRIC = np.array([[3, 4], [4, 5]])  # where the second derivatives are in _
 
 
 def loop_field(radial_m: Array, axial_m: Array, radius_m: float) -> tuple[Array, Array]:
-    """Return the radial and the axial flux density of a circular current loop, divided by the current, in T/A.
-
-    Parameters
-    ----------
-    radial_m : ndarray
-        Distances from the axis in m.
-    axial_m : ndarray
-        Distances along the axis from the plane of the loop in m, in the shape of ``radial_m``.
-    radius_m : float
-        Radius of the loop in m.
-
-    Notes
-    -----
-    Evaluated with complete elliptic integrals (Smythe 1989, Static and Dynamic Electricity, section 7.10).
-    """
+    """Return the radial and the axial field of a circular current loop, divided by the current, in T/A."""
+    # Evaluated with complete elliptic integrals (Smythe 1989, Static and Dynamic Electricity, section 7.10).
+    # ``radial_m``, ``axial_m``: distances from the axis, and along the axis from the plane of the loop.
     rho, z, a = np.abs(radial_m), axial_m, radius_m
     outer, inner = (a + rho) ** 2 + z**2, (a - rho) ** 2 + z**2
     k, e = scipy.special.ellipk(4 * a * rho / outer), scipy.special.ellipe(4 * a * rho / outer)
@@ -53,25 +41,19 @@ def loop_field(radial_m: Array, axial_m: Array, radius_m: float) -> tuple[Array,
 
 @dataclass(frozen=True, eq=False)
 class FieldTable:
-    """A magnetic field on a rectangular grid in the beam frame, interpolated by cubic splines.
+    """A magnetic field on a rectangular grid in the beam frame, interpolated by cubic splines."""
 
-    Parameters
-    ----------
-    x_mm, y_mm : ndarray, shapes (n,) and (m,)
-        Increasing coordinates of at least four grid lines each.
-    field : ndarray, shape (n, m, 2)
-        Components (x, y) of the field at the points of the grid, in any unit.
-    """
-
+    # `x_mm`, `y_mm`: increasing coordinates of at least four grid lines each.
     x_mm: Array
     y_mm: Array
+    # (n, m, 2): components (x, y) of the field at the points of the grid, in any unit.
     field: Array
 
     @staticmethod
     def of_loops(
         radius_mm: float, gap_mm: float, centre_mm: tuple[float, float], axis: tuple[float, float], reach_mm: float
     ) -> FieldTable:
-        """Return the field of two equal coaxial current loops, divided by the current, in T/A.
+        """Compute the field of two equal coaxial current loops, divided by the current, in T/A.
 
         Parameters
         ----------
@@ -115,16 +97,14 @@ class FieldTable:
         return first, second
 
     def derivatives(self, points_mm: Array) -> Complex:
-        """Return the field B_x + i B_y at n points and its derivatives by x, y, xx, xy and yy, complex, (6, n).
-
-        points_mm: coordinates (x, y) of the points in mm, (n, 2).
-        """
+        """Return the field B_x + i B_y and its derivatives at points of the beam frame."""
+        # ``points_mm`` (n, 2) gives (6, n): the field and its derivatives by x, y, xx, xy and yy.
         real, imaginary = self._splines
         x, y = points_mm.T
         return np.array([real.ev(x, y, i, j) + 1j * imaginary.ev(x, y, i, j) for i, j in _DERIVATIVES])
 
     def covers(self, points_mm: Array) -> bool:
-        """Return whether all of n points (x, y), (n, 2) in mm, lie inside the grid."""
+        """Return whether all points lie inside the grid."""
         x, y = points_mm.T
         inside = (x >= self.x_mm[0]) & (x <= self.x_mm[-1]) & (y >= self.y_mm[0]) & (y <= self.y_mm[-1])
         return bool(inside.all())
@@ -132,40 +112,23 @@ class FieldTable:
 
 @dataclass(frozen=True, eq=False)
 class CoilShape:
-    """The field of a coil at any point, relative to the field at the magnet at rest.
+    """The field of a coil at any point, relative to the field at the magnet at rest."""
 
-    Parameters
-    ----------
-    axis : tuple of float
-        Unit vector (x, y) along the axis of the coil.
-    gradient_per_m : tuple of float
-        Relative change of the field strength per metre along x and along y, added to the gradient of the table.
-    table : FieldTable or None
-        The field at the points of a grid; None: uniform except for gradient and curvature.
-    curvature_per_m2 : float
-        Half of the second derivative of the relative field strength along the axis, in 1/m².
-    """
-
+    # Unit vector (x, y) along the axis of the coil.
     axis: tuple[float, float]
+    # Relative change of the field strength per metre along x and along y, added to the gradient of the table.
     gradient_per_m: tuple[float, float] = (0.0, 0.0)
+    # The field at the points of a grid; None: uniform except for gradient and curvature.
     table: FieldTable | None = None
+    # Half of the second derivative of the relative field strength along the axis, in 1/m².
     curvature_per_m2: float = 0.0
 
     def ratio(self, points_mm: Array, rest_mm: Array) -> tuple[Complex, Complex, Complex]:
-        """Return the field (x + i y component) at B points divided by that at a reference point, and its derivatives.
-
-        Parameters
-        ----------
-        points_mm : ndarray, shape (B, 2)
-            The B points (x, y).
-        rest_mm : ndarray, shape (2,)
-            The reference point (x, y).
-
-        Returns
-        -------
-        q, first, second : ndarray, complex, shapes (B,), (B, 2) and (B, 2, 2)
-            The ratio, its first derivatives in 1/mm, and its second derivatives in 1/mm².
-        """
+        """Return the complex ratio of the field at several points to that at a reference point, with derivatives."""
+        # ``points_mm`` (B, 2), ``rest_mm`` (2,): the points and the reference point (x, y). The result: the ratio (B,),
+        # its first derivatives (B, 2) in 1/mm, and its second derivatives (B, 2, 2) in 1/mm².
+        # ``points_mm`` (B, 2), ``rest_mm`` (2,): the points and the reference point (x, y). The result: the ratio (B,),
+        # its first derivatives (B, 2) in 1/mm, and its second derivatives (B, 2, 2) in 1/mm².
         values = np.zeros((6, len(points_mm)), complex)
         values[0] = 1.0
         if self.table:
@@ -178,10 +141,8 @@ class CoilShape:
         return values[0], values[1:3].T, np.moveaxis(values[_SYMMETRIC], -1, 0)
 
     def _curved(self, from_rest_mm: Array) -> Complex:
-        """Return the quadratic part of the field, divided by the field at the magnet at rest, and its derivatives.
-
-        The real part is the component along the axis of the coil, and the imaginary part that across the axis.
-        """
+        """Return the quadratic part of the relative field and its derivatives."""
+        # The real part is the component along the axis of the coil, and the imaginary part that across the axis.
         # At s along the axis and t across it, the curvature c adds c (s^2 - t^2 / 2) along the axis and -c s t across
         # it.
         (a, b), c = self.axis, 1e-6 * self.curvature_per_m2
@@ -199,7 +160,7 @@ class CoilShape:
 
     @property
     def _slope(self) -> Complex:
-        """The derivatives by x and y of the relative field that ``gradient_per_m`` adds, (2,) in 1/mm."""
+        """The derivatives of the relative field by x and y that ``gradient_per_m`` adds, in 1/mm."""
         along, across = np.array(self.axis), np.array([-self.axis[1], self.axis[0]])
         h, g = 1e-3 * np.array(self.gradient_per_m) @ np.stack([along, across], axis=1)
         # h and g are the derivatives of the component along the axis, along and across it. The field has no curl and no
@@ -210,33 +171,23 @@ class CoilShape:
 
 @dataclass(frozen=True)
 class DipoleInField:
-    """A magnetic dipole on a rigid body in the field of a coil.
+    """A magnetic dipole on a rigid body in the field of a coil."""
 
-    Parameters
-    ----------
-    shape : CoilShape
-        The field at any point, relative to ``field_T``.
-    dipole : ndarray, shape (2,)
-        Magnetic moment (x, y) at rest in N mm/T.
-    arm_mm : ndarray, shape (2,)
-        Vector (x, y) at rest from the reference point of the body to the dipole.
-    reference_mm : ndarray, shape (2,)
-        The reference point (x, y) at rest.
-    field_T : ndarray, shape (B, 2) or (1, 2)
-        The field (x, y) at the dipole at rest, for each of B candidate laws.
-    """
-
+    # The field at any point, relative to ``field_T``.
     shape: CoilShape
+    # (2,): magnetic moment (x, y) at rest in N mm/T.
     dipole: Array
+    # (2,): vector (x, y) at rest from the reference point of the body to the dipole.
     arm_mm: Array
+    # (2,): the reference point (x, y) at rest.
     reference_mm: Array
+    # (B, 2): the field (x, y) at the dipole at rest, for each of B candidate laws.
     field_T: Array
 
     def load(self, rigid: Array) -> tuple[Array, Array]:
-        """Return the magnetic force in N and torque in N mm, (B, 3), and their stiffness, (B, 3, 3).
-
-        rigid: translation of the body in mm and rotation in rad for B candidate laws, (B, 3).
-        """
+        """Return the magnetic force and torque on the body, and the stiffness that they cause."""
+        # ``rigid`` (B, 3): translation of the body in mm and rotation in rad. Force in N and torque in N mm: (B, 3).
+        # Stiffness: (B, 3, 3).
         # The load is minus the first derivative of the energy -m . B, and the stiffness is the second derivative. The
         # error of one dipole for a magnet is proportional to the second derivatives of B. They cancel for a cube.
         turn = np.exp(1j * rigid[:, 2])
@@ -261,36 +212,25 @@ class DipoleInField:
 
 @dataclass(frozen=True)
 class SiliconeInField:
-    """Magnetised silicone in the field of a coil, with one dipole in the middle of each element.
+    """Magnetised silicone in the field of a coil, with one dipole in the middle of each element."""
 
-    Parameters
-    ----------
-    shape : CoilShape
-        The field at any point, relative to ``field_T``.
-    rest_mm : ndarray, shape (2,)
-        The fixed point (x, y) at which the field is ``field_T``.
-    nodes_mm : ndarray, shape (E, n, 2)
-        Positions (x, y) at rest of the n nodes of each of E elements.
-    shares : ndarray, shape (E, n)
-        Weights of the nodes; the dipole is at the weighted mean of their positions.
-    dipoles : ndarray, shape (E, n)
-        The dipole moment of an element is the sum of these numbers (N/T) times the positions of its nodes.
-    field_T : ndarray, shape (B, 2) or (1, 2)
-        The field (x, y) at ``rest_mm`` for each of B candidate laws.
-    """
-
+    # The field at any point, relative to ``field_T``.
     shape: CoilShape
+    # (2,): the fixed point (x, y) at which the field is ``field_T``.
     rest_mm: Array
+    # (E, n, 2): positions (x, y) at rest of the n nodes of each of E elements.
     nodes_mm: Array
+    # (E, n): weights of the nodes; the dipole is at the weighted mean of their positions.
     shares: Array
+    # (E, n): the dipole moment of an element is the sum of these numbers (N/T) times the positions of its nodes.
     dipoles: Array
+    # (B, 2): the field (x, y) at ``rest_mm`` for each of B candidate laws.
     field_T: Array
 
     def load(self, nodal: Array) -> tuple[Array, Array]:
-        """Return the magnetic forces on the nodes in N, (E, B, d, n), and their stiffness in N/mm, (E, B, d, n, d, n).
-
-        nodal: displacements in mm of the n nodes of E elements in d dimensions for B candidate laws, (E, B, d, n).
-        """
+        """Return the magnetic forces on the nodes in N, and the stiffness in N/mm that they cause."""
+        # ``nodal`` (E, B, d, n): displacements in mm of the n nodes of E elements in d dimensions. Forces: (E, B, d,
+        # n). Stiffness: (E, B, d, n, d, n).
         e, b, d, n = nodal.shape
         moved = nodal[:, :, :2] + self.nodes_mm.swapaxes(1, 2)[:, None]  # (E, B, 2, n)
         places, dipoles = (np.einsum("ebin,en->ebi", moved, w) for w in (self.shares, self.dipoles))
@@ -312,5 +252,5 @@ class SiliconeInField:
 
 
 def _components(values: Complex) -> Array:
-    """Return an array of complex numbers (...) as an array (..., 2) of real and imaginary parts."""
+    """Convert complex numbers to real and imaginary parts on a new last axis."""
     return np.stack([values.real, values.imag], axis=-1)

@@ -1,7 +1,7 @@
-"""The depth effect: the configuration of the solid model minus the configuration of the planar model.
+"""The difference between the solid and the planar model of a beam (the depth effect), interpolated between load states.
 
-It is a polynomial in s. For some beams s is the rotation of the tip, for the others the share of the full load. With
-the depth effects d_i at n values s_i,
+The depth effect d is a polynomial in s. For some beams s is the rotation of the tip, for the others the share of the
+full load. With the depth effects d_i at n values s_i,
 
     d(s) = b(s) + sum_i w_i(s) (d_i - b(s_i)),    w_i(s) = prod_{j != i} (s - s_j) / (s_i - s_j).
 
@@ -28,10 +28,7 @@ _SAME_BULK = 1e-3  # relative difference between ratios of bulk to shear modulus
 
 @dataclass(frozen=True)
 class BentCandidate:
-    """A candidate law and the shapes of its planar beam model, on which the depth effect depends.
-
-    The depth effect is the difference between the shapes of the solid and of the planar model.
-    """
+    """A candidate law with the shapes of its planar beam model."""
 
     # The hyperelastic law.
     law: Law
@@ -41,7 +38,7 @@ class BentCandidate:
     planar: Array
 
     def is_alike(self, other: BentCandidate, within_mm: float) -> bool:
-        """Return whether law, bulk ratio and (within ``within_mm``) displacements of two candidates are equal."""
+        """Return whether two candidates have the same law, the same compressibility and nearly the same shapes."""
         same = self.law is other.law and abs(self.bulk_ratio / other.bulk_ratio - 1) < _SAME_BULK
         same = same and self.planar.shape == other.planar.shape
         return same and bool(np.abs(self.planar - other.planar).max() < within_mm)
@@ -49,7 +46,9 @@ class BentCandidate:
 
 @dataclass(frozen=True)
 class DepthEffect:
-    """The difference d(s) between the shapes of the solid and of the planar model, a polynomial in s."""
+    """The difference between the solid and the planar model of a beam, as a polynomial of the bending."""
+
+    # The polynomial d(s) of the module.
 
     # The values of s at which the solid model was solved.
     places: tuple[float, ...]
@@ -63,30 +62,17 @@ class DepthEffect:
     candidate: BentCandidate | None = None
 
     def at(self, place: float) -> Configuration:
-        """Return the interpolated difference of the solid and the planar configuration.
-
-        place: rotation of the tip in rad if ``by_turn`` (an attribute), else load from 0 to 1.
-        """
+        """Return the difference between solid and planar configuration at one value of s."""
+        # ``place``: s, the rotation of the tip in rad if ``by_turn``, else the load from 0 to 1.
         weights = self._weights(place)
         if self.base is None:
             return combine(weights, self.differences)
         return combine([1.0, *weights], [self.base.at(place), *self._from_base])
 
     def displacements(self, places: Array) -> tuple[Array, Array]:
-        """Return the interpolated difference of solid and planar displacements in K load states.
-
-        Parameters
-        ----------
-        places : ndarray, shape (K,)
-            In each state, rotation of the tip in rad if ``by_turn`` (an attribute), else load from 0 to 1.
-
-        Returns
-        -------
-        displacement : ndarray, shape (K, N, 3)
-            Difference at N nodes in mm.
-        rigid : ndarray, shape (K, 3)
-            Difference of the magnet's translation in mm and rotation in rad.
-        """
+        """Return the differences between solid and planar displacements at several values of s."""
+        # ``places`` (K,): values of s. The results: (K, N, 3) for N nodes in mm, and (K, 3) for the magnet's
+        # translation in mm and rotation in rad.
         configurations = self.differences if self.base is None else self._from_base
         if not configurations:
             assert self.base
@@ -100,31 +86,25 @@ class DepthEffect:
         return base_displacement + displacement, base_rigid + turned
 
     def _weights(self, place: float) -> list[float]:
-        """Return the weights of Lagrange's interpolation between the load states in which the solid model was solved.
-
-        place: rotation of the tip in rad if ``by_turn`` (an attribute), else load from 0 to 1.
-        """
+        """Return the weights of Lagrange's interpolation at one value of s."""
         nodes = (*self.places, *self.places_of_base)
         return [prod((place - s) / (t - s) for s in nodes if s != t) for t in self.places]
 
     @cached_property
     def _from_base(self) -> tuple[Configuration, ...]:
-        """What is interpolated: the depth effects minus those of a similar law (``base``) in the same states."""
+        """The solved differences minus those of the similar law ``base``."""
         assert self.base
         pairs = zip(self.places, self.differences, strict=True)
         return tuple(combine([1.0, -1.0], [difference, self.base.at(place)]) for place, difference in pairs)
 
     @property
     def places_of_base(self) -> tuple[float, ...]:
-        """The rotations at which the depth effect is taken from a similar law (``base``): (0.0,) or an empty tuple."""
+        """The values of s at which the difference is taken from the similar law ``base``: (0.0,) or an empty tuple."""
         return (0.0,) if self.base and self.by_turn else ()
 
     @cached_property
     def without_base(self) -> DepthEffect:
-        """The same depth effect (solid minus planar shapes) as one polynomial.
-
-        It may be stored as a correction of the depth effect of a similar law, ``base``; the two are added here.
-        """
+        """The same polynomial, without a reference to a similar law."""
         if self.base is None or not self.places:
             return self.base or self
         scale = self.places[0] / self.base.places[0] if self.by_turn else 1.0
@@ -132,23 +112,17 @@ class DepthEffect:
         return DepthEffect(places, tuple(self.at(place) for place in places), self.by_turn)
 
     def covers(self, places: Array) -> bool:
-        """Return whether the difference of solid and planar shapes can be interpolated in all of K load states.
-
-        places: rotation of the tip in rad if ``by_turn`` (an attribute), else load from 0 to 1, in each state, (K,).
-        """
+        """Return whether the solved load states are enough to interpolate at all given values of s."""
         return bool(self.without_base.reaches(places).all())
 
     def reaches(self, places: Array) -> NDArray[np.bool_]:
-        """Return whether each of K load states is at most 10 % outside the range of the solved states, (K,).
-
-        places: rotation of the tip in rad if ``by_turn`` (an attribute), else load from 0 to 1, in each state, (K,).
-        """
+        """Return whether each value of s is at most 10 % outside the range of the solved states."""
         solved = (*self.places, *self.places_of_base)
         beyond = _EXTRAPOLATED * np.ptp(solved)
         return np.asarray((min(solved) - beyond <= places) & (places <= max(solved) + beyond))
 
     def thinned(self, most: int) -> DepthEffect:
-        """Return the depth effect (solid minus planar shapes) interpolated between ``most`` or fewer solved states."""
+        """Interpolate between fewer solved load states."""
         chosen = [int(np.argmax(np.abs(self.places)))]
         places = np.array(self.places)
         while len(chosen) < min(most, len(places)):
@@ -158,8 +132,6 @@ class DepthEffect:
         )
 
     def with_one(self, place: float, difference: Configuration) -> DepthEffect:
-        """Return the depth effect interpolated through one more load state.
-
-        place: rotation of the tip in rad, or load from 0 to 1. difference: solid minus planar configuration there.
-        """
+        """Add one more solved load state to the interpolation."""
+        # ``place``: s. ``difference``: solid minus planar configuration at s.
         return DepthEffect((*self.places, place), (*self.differences, difference), self.by_turn, self.base)

@@ -1,4 +1,4 @@
-"""The planar Q2/P1 element, evaluated for all elements and candidate laws of a batch together.
+"""The planar Q2/P1 element, evaluated for all elements and candidate laws together.
 
 The displacement is quadratic, and the pressure p is linear and discontinuous (Sussman and Bathe 1987, Computers &
 Structures 26:357). The potential of an element is the integral of psi(F) + p (J - 1) - p^2 / (2 K), with the isochoric
@@ -26,7 +26,9 @@ AT_ONCE: int | None = None  # elements whose tangents are computed together: all
 
 @dataclass(frozen=True)
 class Operators:
-    """Integrals and derivatives of the shape functions of a planar mesh: E elements with q Gauss points each."""
+    """Integrals and derivatives of the shape functions of a planar mesh."""
+
+    # E elements with q Gauss points each.
 
     # (E, 9, 2 q): derivatives of the shape functions by x and y at the Gauss points, in 1/mm.
     gradient: Array
@@ -49,7 +51,7 @@ class Operators:
 
 
 def operators(mesh: Mesh) -> Operators:
-    """Return the integrals and derivatives of the shape functions of a planar mesh.
+    """Compute the integrals and derivatives of the shape functions of a planar mesh.
 
     Raises
     ------
@@ -85,22 +87,10 @@ def operators(mesh: Mesh) -> Operators:
 
 
 def orthogonal_basis(weights: Array, raw: Array) -> tuple[Array, Array]:
-    """Make m functions orthogonal by the method of Gram and Schmidt.
-
-    Parameters
-    ----------
-    weights : ndarray, shape (E, q)
-        Weights of the q Gauss points of each of E elements.
-    raw : ndarray, shape (q, m)
-        Values of the functions at the Gauss points.
-
-    Returns
-    -------
-    basis : ndarray, shape (E, q, m)
-        Values of the orthogonal functions.
-    mass : ndarray, shape (E, m)
-        Weighted sums of their squares.
-    """
+    """Make functions on each element orthogonal by the method of Gram and Schmidt."""
+    # ``weights`` (E, q): weights of the q Gauss points of E elements. ``raw`` (q, m): values of m functions at these
+    # points. The results: values of the orthogonal functions, (E, q, m), and the weighted sums of their squares, (E,
+    # m).
     (n, q), m = weights.shape, raw.shape[1]
     basis, mass = np.empty((n, q, m)), np.empty((n, m))
     for k in range(m):
@@ -118,17 +108,16 @@ def mixed(batch: Batch) -> bool:
 
 
 def gradients(ops: Operators, nodal: Array) -> Array:
-    """Return du_i/dX_j at q points of E elements for B candidate laws, (2, 2, E, B, q), from u, (E, B, 2, 9) in mm."""
+    """Return the displacement gradient du_i/dX_j at all Gauss points."""
+    # ``nodal`` (E, B, 2, 9): displacements in mm, for E elements and B candidate laws. The result is (2, 2, E, B, q).
     n, b = nodal.shape[:2]
     h = np.matmul(nodal.reshape(n, b * 2, 9), ops.gradient)
     return np.ascontiguousarray(h.reshape(n, b, 2, 2, POINTS).transpose(2, 3, 0, 1, 4))
 
 
 def stretch(ops: Operators, nodal: Array) -> Array:
-    """Return the largest principal stretch in the plane at q points of E elements for B candidate laws, (E, B, q).
-
-    nodal: displacements in mm, (E, B, 2, 9).
-    """
+    """Return the largest principal stretch in the plane at all Gauss points."""
+    # ``nodal`` (E, B, 2, 9): displacements in mm. The result is (E, B, q).
     (h11, h12), (h21, h22) = gradients(ops, nodal)
     a = (1 + h11) ** 2 + h12**2 + h21**2 + (1 + h22) ** 2
     J = (1 + h11) * (1 + h22) - h12 * h21
@@ -136,7 +125,9 @@ def stretch(ops: Operators, nodal: Array) -> Array:
 
 
 class Evaluation(NamedTuple):
-    """Forces, stresses and strains of E elements for B candidate laws, at q Gauss points of each element."""
+    """Forces, stresses and strains of all elements."""
+
+    # E elements with q Gauss points each, for B candidate laws.
 
     # (E, B, 2, 9): internal forces on the nodes in N/mm.
     force: Array
@@ -156,7 +147,9 @@ class Evaluation(NamedTuple):
 
 @dataclass(frozen=True)
 class Batch:
-    """B candidates (sets of parameters of a law) that are solved together."""
+    """Candidates (sets of parameters of a law) that are solved together."""
+
+    # B candidates.
 
     # The hyperelastic law.
     law: Law
@@ -172,10 +165,9 @@ SMALLEST_J = 1e-3  # an element with a smaller J at a Gauss point counts as fold
 
 
 def evaluate(ops: Operators, batch: Batch, nodal: Array, pressure: Array) -> Evaluation:
-    """Return forces and stresses of E elements for B candidate laws.
-
-    nodal: displacements in mm, (E, B, 2, 9). pressure: coefficients of the pressure functions in MPa, (E, B, 3).
-    """
+    """Compute the forces and stresses of all elements."""
+    # ``nodal`` (E, B, 2, 9): displacements in mm. ``pressure`` (E, B, 3): coefficients of the pressure functions in
+    # MPa.
     F = gradients(ops, nodal)
     F[0, 0] += 1
     F[1, 1] += 1
@@ -211,10 +203,9 @@ def evaluate(ops: Operators, batch: Batch, nodal: Array, pressure: Array) -> Eva
 
 
 def stiffness(ops: Operators, ev: Evaluation, predicted: Array) -> Array:
-    """Return the tangent stiffness of E elements for B candidate laws at constant pressure, (E, B, 18, 18) in N/mm².
-
-    predicted: components 11, 22, 12 of the stress for the geometric part, (3, E, B, q) in MPa at q Gauss points.
-    """
+    """Return the tangent stiffness of all elements at constant pressure in N/mm²."""
+    # ``predicted`` (3, E, B, q): components 11, 22, 12 of the stress for the geometric part in MPa. The result is (E,
+    # B, 18, 18).
     (f11, f12), (f21, f22) = ev.F
     e = ev.energy
     n, b = f11.shape[:2]
@@ -251,19 +242,15 @@ def tangents(ops: Operators, ev: Evaluation, predicted: Array) -> Iterator[Array
 
 
 def volume_gap(ops: Operators, batch: Batch, ev: Evaluation, pressure: Array) -> Array:
-    """Return the residuals of the relation between pressure and volume change in E elements, (E, B, m).
-
-    pressure: coefficients of m pressure functions for B candidate laws in MPa, (E, B, m).
-    """
+    """Return the residuals of the relation between pressure and volume change."""
+    # ``pressure`` (E, B, m): coefficients of m pressure functions in MPa, as the result.
     residual = np.matmul((ev.J - 1) * ops.weights[:, None, :], ops.basis)
     return residual - pressure * ops.mass[:, None, :] / batch.bulk[:, None]
 
 
 def volume_coupling(ops: Operators, ev: Evaluation) -> Array:
-    """Return the derivatives of E elements' volumes by their displacements for B candidate laws, (E, B, 18, 3) in mm.
-
-    The volume per mm of depth is weighted by each of three pressure functions.
-    """
+    """Return the derivatives of the elements' volumes with respect to their displacements in mm."""
+    # (E, B, 18, 3): the volume per mm of depth is weighted by each of three pressure functions.
     (f11, f12), (f21, f22) = ev.F
     n, b = f11.shape[:2]
     Z = np.empty((n, b, 2, 2, POINTS))
@@ -272,10 +259,9 @@ def volume_coupling(ops: Operators, ev: Evaluation) -> Array:
 
 
 def predict_stress(ops: Operators, ev: Evaluation, step: Array, pressure_step: Array | None) -> Array:
-    """Return the stress (11, 22, 12) after a linear step in E elements, B laws, q points, (3, E, B, q) in MPa.
-
-    step, pressure_step: changes of the displacements in mm, (E, B, 2, 9), and of the pressures in MPa, (E, B, 3).
-    """
+    """Return the stress in MPa after a linear step."""
+    # ``step`` (E, B, 2, 9): changes of the displacements in mm. ``pressure_step`` (E, B, 3): changes of the pressures
+    # in MPa. The result is (3, E, B, q) with the components 11, 22, 12.
     (h11, h12), (h21, h22) = gradients(ops, step)
     (f11, f12), (f21, f22) = ev.F
     e = ev.energy

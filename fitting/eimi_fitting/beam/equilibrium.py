@@ -1,4 +1,4 @@
-"""Equilibrium of a planar or solid mesh for a batch of candidate laws, by Newton's method.
+"""Find the equilibrium of a planar or solid mesh for many candidate laws at once, by Newton's method.
 
 The geometric part of the tangent stiffness is computed with the stress that the last linear step predicts (Magisano,
 Leonetti, Garcea 2017, Int. J. Numer. Meth. Engng 109:1237).
@@ -45,10 +45,10 @@ class Status(IntEnum):
 
 @dataclass
 class SolidLoads:
-    """Loads on a mesh in one load state, with one row for each of B candidate laws or one row for all.
+    """Loads on the nodes of a mesh and on the rigid magnet in one load state."""
 
-    The mesh has N nodes with d coordinates. Loads on a planar mesh are per mm of depth.
-    """
+    # N nodes with d coordinates, and one row for each of B candidate laws or one row for all. Loads on a planar mesh
+    # are per mm of depth.
 
     # (B, N, d): forces on the nodes in N.
     nodal: Array
@@ -67,10 +67,9 @@ class SolidLoads:
 
 @dataclass(frozen=True)
 class Configuration:
-    """Displacements, motion of the rigid magnet, pressures and stresses of B candidate laws in one load state.
+    """Displacements, motion of the rigid magnet, pressures and stresses of all candidate laws in one load state."""
 
-    The mesh has N nodes with d coordinates, and E elements with q Gauss points each.
-    """
+    # B candidate laws, N nodes with d coordinates, and E elements with q Gauss points each.
 
     # (B, N, d): displacements of the nodes in mm.
     displacement: Array
@@ -82,11 +81,11 @@ class Configuration:
     stress: Array
 
     def take(self, rows: Indices) -> Configuration:
-        """Return the configurations of the candidate laws with the indices ``rows`` only."""
+        """Return the configurations of some of the candidate laws only."""
         return Configuration(self.displacement[rows], self.rigid[rows], self.pressure[:, rows], self.stress[:, :, rows])
 
     def put(self, rows: Indices, other: Configuration) -> None:
-        """Overwrite the configurations of the candidate laws with indices ``rows`` by ``other``."""
+        """Overwrite the configurations of some of the candidate laws."""
         self.displacement[rows] = other.displacement
         self.rigid[rows] = other.rigid
         self.pressure[:, rows] = other.pressure
@@ -110,7 +109,7 @@ def combine(weights: Sequence[float], configurations: Sequence[Configuration]) -
 
 
 def joined(parts: Sequence[Configuration]) -> Configuration:
-    """Join the configurations of several batches of candidate laws into one batch."""
+    """Join the configurations of several groups of candidate laws."""
     return Configuration(
         np.concatenate([part.displacement for part in parts]),
         np.concatenate([part.rigid for part in parts]),
@@ -120,7 +119,7 @@ def joined(parts: Sequence[Configuration]) -> Configuration:
 
 
 def loads_joined(parts: Sequence[SolidLoads]) -> SolidLoads:
-    """Join the loads of several groups of candidate laws into the loads of one group."""
+    """Join the loads of several groups of candidate laws."""
     arrays: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in _LOADS}
     joined_loads = SolidLoads(**arrays)
     for name in _IN_COIL:
@@ -135,7 +134,7 @@ def loads_joined(parts: Sequence[SolidLoads]) -> SolidLoads:
 
 @dataclass(frozen=True)
 class _Step:
-    """One linear step of Newton's method for B candidate laws."""
+    """One linear step of Newton's method."""
 
     # (B, N, d): change of the displacements of N nodes with d coordinates in mm.
     nodal: Array
@@ -152,21 +151,7 @@ class _Step:
 
 
 class Solid:
-    """The finite-element model of a beam, with its supports, its rigid magnet and a face under pressure.
-
-    Parameters
-    ----------
-    mesh : Mesh or Bricks
-        Mesh with N nodes in d dimensions.
-    fixed : ndarray of bool, shape (N, d)
-        True for the displacements that are zero.
-    rigid_nodes : ndarray of int or None
-        Nodes of the rigid magnet.
-    rigid_centre : tuple of float
-        Reference point (x, y) of the magnet in mm.
-    face : FollowerPressure or None
-        Face under pressure.
-    """
+    """The finite-element model of a beam, with its supports, its rigid magnet and a face under pressure."""
 
     def __init__(
         self,
@@ -176,6 +161,8 @@ class Solid:
         rigid_centre: tuple[float, float] = (0.0, 0.0),
         face: FollowerPressure | None = None,
     ) -> None:
+        # ``fixed`` (N, d): True for the displacements that are zero. ``rigid_nodes``: nodes of the rigid magnet.
+        # ``rigid_centre``: reference point (x, y) of the magnet in mm. ``face``: the face under pressure.
         self.mesh = mesh
         self.dimensions = mesh.nodes.shape[1]
         self.ops: Any = self.kind.operators(mesh)
@@ -200,7 +187,7 @@ class Solid:
         return brick if isinstance(self.mesh, Bricks) else element
 
     def rest(self, batch: int) -> Configuration:
-        """Return the undeformed configuration for ``batch`` candidate laws."""
+        """Return the undeformed configuration for a number of candidate laws."""
         n, e, d = len(self.mesh.nodes), len(self.mesh.elements), self.dimensions
         return Configuration(
             np.zeros((batch, n, d)),
@@ -210,16 +197,15 @@ class Solid:
         )
 
     def by_element(self, nodal: Array) -> Array:
-        """Copy values of d coordinates at N nodes, (B, N, d), to the n nodes of each of E elements, (E, B, d, n)."""
+        """Copy the values at the nodes of the mesh to the nodes of each element."""
+        # (B, N, d) gives (E, B, d, n).
         b, e, d = len(nodal), len(self.mesh.elements), self.dimensions
         gathered = nodal.reshape(b, d * len(self.mesh.nodes))[:, self._gather].reshape(b, e, d, self._unknowns // d)
         return np.ascontiguousarray(gathered.transpose(1, 0, 2, 3))
 
     def stretch(self, displacement: Array) -> Array:
-        """Return the largest principal stretch at q Gauss points of E elements for B candidate laws, (E, B, q).
-
-        displacement: of N nodes with d coordinates in mm, (B, N, d).
-        """
+        """Return the largest principal stretch at all Gauss points."""
+        # ``displacement`` (B, N, d): of the nodes in mm. The result is (E, B, q).
         b, most = len(displacement), max(_ELEMENTS_AT_ONCE // len(self.mesh.elements), 1)
         parts = [displacement[first : first + most] for first in range(0, max(b, 1), most)]
         return np.concatenate([self.kind.stretch(self.ops, self.by_element(part)) for part in parts], axis=1)
@@ -279,7 +265,7 @@ class Solid:
         return _Step(step, rigid, pressure, stress, sound, indefinite)
 
     def _moved(self, now: Configuration, step: _Step) -> tuple[Configuration, Array]:
-        """Return the configurations after a Newton step, and the largest displacement in this step, (B,) in mm."""
+        """Return the configurations after a Newton step, and the largest displacement in this step in mm."""
         displacement, rigid = now.displacement + step.nodal, now.rigid + step.rigid
         if self.body:
             self.body.carry(displacement, rigid)
@@ -295,12 +281,12 @@ class Solid:
         few: int | None = None,
         only_try: bool = False,
     ) -> tuple[Configuration, NDArray[np.int8], NDArray[np.intp]]:
-        """Find the equilibrium of B candidate laws by Newton's method, and check whether it is stable.
+        """Find the equilibrium of all candidate laws by Newton's method, and check whether it is stable.
 
         Parameters
         ----------
         batch : Batch
-            The candidate laws.
+            The B candidate laws.
         loads : SolidLoads
             The loads on the mesh.
         start : Configuration
@@ -353,7 +339,8 @@ class Solid:
 
 
 def _plus(tangents: Iterator[Array], further: Callable[[slice], Array]) -> Iterator[Array]:
-    """Yield the tangent stiffness of each group of elements plus the stiffness that ``further`` returns for it."""
+    """Add a further stiffness to the tangent stiffness of each group of elements."""
+    # ``further`` returns this stiffness for the elements of a group.
     first = 0
     for K in tangents:
         some = slice(first, first + len(K))

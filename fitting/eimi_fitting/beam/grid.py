@@ -28,10 +28,8 @@ _SAME_MM = 1e-3  # points that are nearer are the same
 
 
 def _across_magnet(width: float, magnet_width: float, across: int) -> tuple[Array, int]:
-    """Return the y in mm of the mesh lines across a narrow magnet, and the number of elements on one side of it.
-
-    across: the number of elements across a beam without a magnet.
-    """
+    """Return the y in mm of the mesh lines across a narrow magnet, and the number of elements on one side of it."""
+    # ``across``: the number of elements across a beam without a magnet.
     layer, size = 0.5 * (width - magnet_width), width / across
     least = (across + 1) // 2
     beside, inner = max(least, round(1.5 * layer / size)), max(least, round(magnet_width / size))
@@ -41,50 +39,27 @@ def _across_magnet(width: float, magnet_width: float, across: int) -> tuple[Arra
 
 
 def _count(along: int, relative_length: float) -> int:
-    """Return the number of elements along a section of the beam.
-
-    relative_length: its length divided by that of the flexible part, which has ``along`` elements.
-    """
+    """Return the number of elements along a section of the beam."""
+    # ``relative_length``: its length divided by that of the flexible part, which has ``along`` elements.
     return max(2, min(round(along * relative_length), 2 * along))
 
 
 class Grid:
-    """The planar mesh of a specimen, built in a straight reference beam.
+    """The planar mesh of a specimen, built in a straight reference beam."""
 
-    Parameters
-    ----------
-    specimen : Specimen
-        The beam.
-    along : int
-        Number of elements along the flexible part.
-    across : int
-        Number of elements across the width.
-    divided : bool
-        Whether a magnet that is as wide as the beam is divided into elements.
-
-    Attributes
-    ----------
-    strip : Strip
-        The map from the reference beam to the specimen at rest.
-    straight_mm : ndarray, shape (N, 2)
-        Positions (x, y) of the N nodes in the reference beam.
-    mesh : Mesh
-        The elements of silicone, and the nodes of silicone and magnet.
-    face_mm : tuple of float
-        Middle (x, y) at rest of the magnet's inner face, or of the tip without a magnet.
-    turn_rad : float
-        Angle of the magnet at rest from +x toward +y.
-    block_mm : tuple of float
-        Length, width and depth of the rigid block (magnet and rigid silicone); zero without a magnet.
-    magnet_nodes : ndarray of int or None
-        Nodes on and in the rigid block.
-    inside : ndarray of bool, shape (cells along, cells across)
-        Whether each cell between the mesh lines lies in the rigid block.
-    per_specimen : float
-        Load per mm of depth divided by the load on the specimen, in 1/mm.
-    """
+    # ``strip``: the map from the reference beam to the specimen at rest.
+    # ``straight_mm`` (N, 2): positions (x, y) of the N nodes in the reference beam.
+    # ``mesh``: the elements of silicone, and the nodes of silicone and magnet.
+    # ``face_mm``: middle (x, y) at rest of the magnet's inner face, or of the tip without a magnet.
+    # ``turn_rad``: angle of the magnet at rest from +x toward +y.
+    # ``block_mm``: length, width and depth of the rigid block (magnet and rigid silicone); zero without a magnet.
+    # ``magnet_nodes``: nodes on and in the rigid block, or None.
+    # ``inside`` (cells along, cells across): whether each cell between the mesh lines lies in the rigid block.
+    # ``per_specimen``: load per mm of depth divided by the load on the specimen, in 1/mm.
 
     def __init__(self, specimen: Specimen, along: int, across: int, divided: bool = False) -> None:
+        # ``along``: number of elements along the flexible part. ``across``: number of elements across the width.
+        # ``divided``: whether a magnet that is as wide as the beam is divided into elements.
         self.strip = Strip(specimen)
         self.specimen = specimen
         specimen = self._straight = self.strip.straight
@@ -134,14 +109,12 @@ class Grid:
         self.mesh: Mesh = replace(mesh, elements=mesh.elements[~inside.ravel()])
 
     def straightened(self, points_mm: Array) -> Array:
-        """Map n points (x, y) of the specimen at rest, (n, 2) in mm, to the straight reference beam, (n, 2) in mm."""
+        """Map points of the specimen at rest to the straight reference beam."""
         return self.strip.straightened(np.atleast_2d(np.asarray(points_mm, float)))
 
     def on_magnet(self, points_mm: Array) -> NDArray[np.bool_]:
-        """Return whether each of n points moves rigidly with the magnet, shape (n,).
-
-        points_mm: points (x, y) of the straight reference beam, (n, 2).
-        """
+        """Return whether each point moves rigidly with the magnet."""
+        # ``points_mm`` (n, 2): points (x, y) of the straight reference beam.
         x, y = np.atleast_2d(np.asarray(points_mm, float)).T
         near, (length, width, _) = self._straight.flexible_length_mm, self.block_mm
         if self.magnet_nodes is None:
@@ -151,15 +124,14 @@ class Grid:
         return np.asarray((x > near + 1e-9) & (x <= far) & (np.abs(y) <= half))
 
     def place(self, points_mm: Array) -> tuple[Indices, Array]:
-        """Return the nine nodes around each of n points and their shape functions there, (n, 9) each.
-
-        points_mm: points (x, y) of the straight reference beam, (n, 2).
+        """Find the element around each point; return its nodes and the values of its shape functions.
 
         Raises
         ------
         ValueError
             A point is more than 1 µm outside the specimen.
         """
+        # ``points_mm`` (n, 2): points (x, y) of the straight reference beam. The results are (n, 9).
         points = np.atleast_2d(np.asarray(points_mm, float))
         length, width = self._straight.length_mm, self._straight.width_mm
         outside = (np.abs(points[:, 0] - 0.5 * length) > 0.5 * length + _SAME_MM) | (
@@ -179,10 +151,8 @@ class Grid:
         return self._all[i * n + j], values
 
     def through_depth(self, point_mm: Array) -> tuple[Indices, Array]:
-        """Return the nine nodes that share a force, and their fractions of the force, (1, 9) each.
-
-        point_mm: the point (x, y) of the force in the straight reference beam.
-        """
+        """Return the nodes that share a force at a point, and their fractions of the force."""
+        # ``point_mm``: the point (x, y) in the straight reference beam. The results are (1, 9).
         return self.place(point_mm)
 
     def pressure_face(self) -> FollowerPressure | None:

@@ -17,30 +17,15 @@ MM_PER_M = 1e3  # kg m/s² = N: a mass in kg times an acceleration in mm/s² is 
 
 
 class Inertia:
-    """The masses of a meshed specimen in N s²/mm.
+    """The masses of a meshed specimen in N s²/mm."""
 
-    Parameters
-    ----------
-    model : BeamModel or SolidModel
-        Model with E elements of n nodes each, and N nodes.
-    tip_mass_kg : float
-        A point mass at the point where a tip force acts.
-
-    Attributes
-    ----------
-    of_elements : ndarray, shape (E, n, n)
-        Consistent mass matrix of each element for one direction.
-    body_mass : float
-        Mass of the magnet and of the silicone that moves rigidly with it.
-    body_rotary : float
-        Rotary inertia of this body about its centre of mass, in N s² mm.
-    body_arm_mm : ndarray, shape (2,)
-        Vector (x, y) at rest from the magnet's reference point to the centre of mass.
-    point_mass : float
-        The point mass; zero if it lies on the magnet.
-    point_shares : ndarray, shape (N,)
-        Weights of the nodes that give the displacement of the point mass.
-    """
+    # E elements of n nodes each, and N nodes.
+    # ``of_elements`` (E, n, n): consistent mass matrix of each element for one direction.
+    # ``body_mass``: mass of the magnet and of the silicone that moves rigidly with it.
+    # ``body_rotary``: rotary inertia of this body about its centre of mass, in N s² mm.
+    # ``body_arm_mm`` (2,): vector (x, y) at rest from the magnet's reference point to the centre of mass.
+    # ``point_mass``: a point mass where a tip force acts; zero if it lies on the magnet.
+    # ``point_shares`` (N,): weights of the nodes that give the displacement of the point mass.
 
     def __init__(self, model: BeamModel | SolidModel, tip_mass_kg: float = 0.0) -> None:
         specimen, grid, loaded = model.specimen, model.grid, model.loaded
@@ -76,7 +61,8 @@ class Inertia:
             np.add.at(self.point_shares, nodes, weights)
 
     def of_body(self, angle_rad: Array) -> Array:
-        """Return the mass matrices of the magnet at B rotations in rad, (B, 3, 3), for translation and rotation."""
+        """Return the mass matrices of the magnet for translation and rotation, at several rotations."""
+        # ``angle_rad`` (B,) gives (B, 3, 3).
         # The velocity of the centre of mass is the velocity of the reference point plus the angular velocity times the
         # derivative, by the rotation, of the vector from this point to the centre of mass.
         c, s = np.cos(angle_rad), np.sin(angle_rad)
@@ -90,7 +76,8 @@ class Inertia:
 
 
 def _squares(model: BeamModel | SolidModel) -> Array:
-    """Return the integrals of products of two shape functions over E elements with n nodes, (E, n, n)."""
+    """Return the integrals of products of two shape functions over each element."""
+    # (E, n, n) for E elements with n nodes.
     place, weight = np.polynomial.legendre.leggauss(3)
     d = model.mesh.nodes.shape[1]
     local = [axis.ravel() for axis in np.meshgrid(*[place] * d, indexing="ij")]

@@ -34,12 +34,13 @@ class InvariantLaw(Protocol):
 
 
 def turned(F: Array, tensor: Array) -> Array:
-    """Return the product of a tensor F (3, 3, ...) and a symmetric tensor (6, ...), shape (3, 3, ...)."""
+    """Multiply a tensor F by a symmetric tensor that is stored as six components."""
+    # (3, 3, ...) and (6, ...) give (3, 3, ...).
     return np.asarray(sum(F[:, k, None] * tensor[PLACE[k]] for k in range(3)))
 
 
 def right_cauchy_green(F: Array) -> Array:
-    """Return the six components of C = F^T F, (6, ...), for the deformation gradient F (3, 3, ...)."""
+    """Return the six components of C = F^T F for the deformation gradient F."""
     return np.stack([(F[:, _FIRST[v]] * F[:, _SECOND[v]]).sum(axis=0) for v in range(6)])
 
 
@@ -48,7 +49,8 @@ def _outer(a: Array, b: Array) -> Array:
 
 
 def _inverse_product(B: Array) -> Array:
-    """Return the matrix that gives B dE B for a symmetric tensor dE, (6, 6, ...), from a tensor B, (6, ...)."""
+    """Return the matrix of the linear map from a symmetric tensor dE to B dE B."""
+    # ``B`` (6, ...) gives (6, 6, ...).
     # The columns belong to dE11, dE22, dE33, 2 dE12, 2 dE23 and 2 dE13.
     result = np.empty((6, 6, *B.shape[1:]))
     for v in range(6):
@@ -62,19 +64,9 @@ def _inverse_product(B: Array) -> Array:
 
 
 def response(law: Law, parameters: Array, F: Array, J: Array) -> tuple[Array, Array, Array]:
-    """Return the isochoric stress S, (6, ...), its derivative D by the Green strain, (6, 6, ...), and J C^-1, (6, ...).
-
-    Parameters
-    ----------
-    law : Law
-        The hyperelastic law.
-    parameters : ndarray, shape (..., n)
-        The n parameters of the law, for each point or for all points.
-    F : ndarray, shape (3, 3, ...)
-        Deformation gradient.
-    J : ndarray, shape (...)
-        Determinant of F.
-    """
+    """Return the isochoric stress S, its derivative by the Green strain, and J C^-1."""
+    # ``parameters`` (..., n): for each point or for all points. ``F`` (3, 3, ...): deformation gradient. ``J`` (...):
+    # determinant of F. The results are (6, ...), (6, 6, ...) and (6, ...).
     C = right_cauchy_green(F)
     inverse = _adjugate(C) / (J * J)
     if isinstance(law, InvariantLaw):
@@ -90,10 +82,9 @@ def _adjugate(C: Array) -> Array:
 
 
 def add_pressure(pressure: Array, volume: Array, J: Array, S: Array, D: Array) -> None:
-    """Add the contribution of a pressure to the stress S (6, ...) and to its derivative D (6, 6, ...), in place.
-
-    volume: derivative of S by the pressure, (6, ...). J: volume ratio.
-    """
+    """Add the contribution of a pressure to the stress S and to its derivative D, in place."""
+    # ``volume`` (6, ...): derivative of S by the pressure. ``J``: volume ratio. ``S`` is (6, ...), ``D`` is (6, 6,
+    # ...).
     S += pressure * volume
     D += (pressure / J) * (_outer(volume, volume) - 2 * _inverse_product(volume))
 

@@ -18,25 +18,18 @@ States = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class UniformField:
-    """A uniform magnetic field on the magnet and on magnetised silicone.
+    """A uniform magnetic field on the magnet and on magnetised silicone."""
 
-    Parameters
-    ----------
-    numbers : ndarray, shape (K, 2)
-        Components (x, y) of the magnetic flux density in T, in K load states.
-    """
-
+    # (K, 2): components (x, y) of the magnetic flux density in T, in K load states.
     numbers: Array
 
     def take(self, states: States) -> UniformField:
-        """Return the field in the load states with the given indices only."""
+        """Return the field in some of the load states only."""
         return UniformField(self.numbers[states])
 
     def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
-        """Add the torque on the magnet and the forces on magnetised silicone to ``total``.
-
-        numbers: flux density (x, y) in T, (2,). field_factor: factor on it for each of B candidate laws, (B,).
-        """
+        """Add the torque on the magnet and the forces on magnetised silicone to ``total``."""
+        # ``numbers`` (2,): flux density (x, y) in T. ``field_factor`` (B,): factor on it for each of B candidate laws.
         field = field_factor[:, None] * numbers  # (B, 2)
         total.tensor[:] += field[:, :, None] * mesh.magnet_dipole
         # The energy of hard-magnetic silicone is linear in the displacements, so that the forces are dead loads (Zhao,
@@ -47,28 +40,20 @@ class UniformField:
 
 @dataclass(frozen=True)
 class CoilField:
-    """A non-uniform magnetic field of a coil on the magnet and on magnetised silicone.
+    """A non-uniform magnetic field of a coil on the magnet and on magnetised silicone."""
 
-    Parameters
-    ----------
-    numbers : ndarray, shape (K, 2)
-        Flux density (x, y) in T at the magnet at rest, in K load states.
-    shape : CoilShape
-        The field at any point, relative to the field at the magnet at rest.
-    """
-
+    # (K, 2): flux density (x, y) in T at the magnet at rest, in K load states.
     numbers: Array
+    # The field at any point, relative to the field at the magnet at rest.
     shape: CoilShape
 
     def take(self, states: States) -> CoilField:
-        """Return the field in the load states with the given indices only."""
+        """Return the field in some of the load states only."""
         return CoilField(self.numbers[states], self.shape)
 
     def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
-        """Add the loads of the coil's field on the magnet and on magnetised silicone to ``total``.
-
-        numbers: flux density (x, y) in T, (2,). field_factor: factor on it for each of B candidate laws, (B,).
-        """
+        """Add the loads of the coil's field on the magnet and on magnetised silicone to ``total``."""
+        # ``numbers`` (2,): flux density (x, y) in T. ``field_factor`` (B,): factor on it for each of B candidate laws.
         field = field_factor[:, None] * numbers  # (B, 2)
         total.in_coil = DipoleInField(self.shape, mesh.magnet_dipole, mesh.magnet_centre_mm, mesh.magnet_face_mm, field)
         if mesh.nodal_dipole.any():
@@ -79,25 +64,18 @@ class CoilField:
 
 @dataclass(frozen=True)
 class Gravity:
-    """The acceleration of gravity as a load on the specimen.
+    """The acceleration of gravity as a load on the specimen."""
 
-    Parameters
-    ----------
-    numbers : ndarray, shape (K, 2)
-        Components (x, y) of the acceleration in m/s², in K load states.
-    """
-
+    # (K, 2): components (x, y) of the acceleration in m/s², in K load states.
     numbers: Array
 
     def take(self, states: States) -> Gravity:
-        """Return the acceleration of gravity in the load states with the given indices only."""
+        """Return the acceleration of gravity in some of the load states only."""
         return Gravity(self.numbers[states])
 
     def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
-        """Add the weight of the silicone and of the magnet to ``total``.
-
-        numbers: acceleration (x, y) in m/s², (2,). field_factor: not used.
-        """
+        """Add the weight of the silicone and of the magnet to ``total``."""
+        # ``numbers`` (2,): acceleration (x, y) in m/s².
         total.nodal[..., :2] += mesh.nodal_mass[:, None] * numbers
         weight = mesh.magnet_mass * numbers
         total.force[:] += weight
@@ -106,55 +84,42 @@ class Gravity:
 
 @dataclass(frozen=True)
 class TipForce:
-    """A force on the specimen at the point ``Specimen.tip_load_mm``.
+    """A force on the specimen at the point ``Specimen.tip_load_mm``."""
 
-    Parameters
-    ----------
-    numbers : ndarray, shape (K, 2)
-        Components (x, y) of the force in N, in K load states.
-    """
-
+    # (K, 2): components (x, y) of the force in N, in K load states.
     numbers: Array
 
     def take(self, states: States) -> TipForce:
-        """Return the force in the load states with the given indices only."""
+        """Return the force in some of the load states only."""
         return TipForce(self.numbers[states])
 
     def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
-        """Add the force to ``total``: to the magnet if it acts on the magnet, else to the nodes around its point.
-
-        numbers: force (x, y) in N, (2,). field_factor: not used.
-        """
+        """Add the force to ``total``: to the magnet if it acts on the magnet, else to the nodes around its point."""
+        # ``numbers`` (2,): force (x, y) in N.
         straight = mesh.specimen.tip_load_mm or (mesh.specimen.length_mm, 0.0)
         mesh.apply_force(numbers * mesh.share, mesh.at_rest(np.array(straight)), total)
 
 
 @dataclass(frozen=True)
 class Pressure:
-    """A pressure on the face of the specimen that ``Specimen.pressure_face`` describes.
+    """A pressure on the face of the specimen that ``Specimen.pressure_face`` describes."""
 
-    Parameters
-    ----------
-    numbers : ndarray, shape (K, 1)
-        Pressure in Pa, in K load states.
-    """
-
+    # (K, 1): pressure in Pa, in K load states.
     numbers: Array
 
     def take(self, states: States) -> Pressure:
-        """Return the pressure in the load states with the given indices only."""
+        """Return the pressure in some of the load states only."""
         return Pressure(self.numbers[states])
 
     def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
         """Add the pressure to the sum of all pressures, in ``total``.
-
-        numbers: pressure in Pa, (1,). field_factor: not used.
 
         Raises
         ------
         ValueError
             The specimen has no pressure face, or the beam model is solid.
         """
+        # ``numbers`` (1,): pressure in Pa.
         if mesh.is_solid:
             raise ValueError(
                 'pressure_Pa is not possible with section = "solid": choose section = "plane-stress" or "plane-strain"'

@@ -1,4 +1,4 @@
-"""The loads on one specimen in a sequence of load states: the sum of several kinds of load (actuations)."""
+"""The loads on one specimen in a sequence of load states: the sum of several kinds of load."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ Array = NDArray[np.float64]
 
 
 def _direction(angle_deg: ArrayLike) -> Array:
-    """Return the unit vector (x, y) at one angle in degrees, shape (2,), or at each of K angles, shape (2, K)."""
+    """Return the unit vector (x, y) at one or several angles in degrees."""
     return np.array([np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))])
 
 
 @dataclass(frozen=True)
 class Loads:
-    """The loads on one specimen in K load states, in the beam frame.
+    """The loads on one specimen in a sequence of load states, in the beam frame.
 
     Parameters
     ----------
     field_T : ndarray, shape (K, 2)
-        Magnetic flux density in T. Every vector has the components x and y.
+        Magnetic flux density in T, in K load states. Every vector has the components x and y.
     gravity : ndarray, shape (K, 2)
         Acceleration of gravity in m/s².
     tip_force_N : ndarray, shape (K, 2)
@@ -74,14 +74,14 @@ class Loads:
         pressure_Pa: ArrayLike = 0.0,
         tip_force_angle_deg: ArrayLike | None = None,
     ) -> Loads:
-        """Return the loads in K load states from their magnitudes and angles.
+        """Return loads from their magnitudes and angles.
 
         All angles are in the beam frame, from +x toward +y.
 
         Parameters
         ----------
         field_mT : array_like, shape (K,)
-            Magnitude of the field in mT.
+            Magnitude of the field in mT, in K load states.
         field_angle_deg : float
             Direction of the field.
         gravity_angle_deg : float or None
@@ -119,7 +119,7 @@ class Loads:
         )
 
     def plus(self, *actuations: Actuation) -> Loads:
-        """Return these loads together with other kinds of load (``actuations``).
+        """Return these loads together with other kinds of load.
 
         Raises
         ------
@@ -150,7 +150,7 @@ class Loads:
         return len(self.field_T)
 
     def take(self, states: NDArray[np.intp]) -> Loads:
-        """Return the loads in the load states with the given indices only."""
+        """Return the loads in some of the load states only."""
         pressure = np.asarray(self.pressure_Pa, float)
         return Loads(
             self.field_T[states],
@@ -178,18 +178,16 @@ class Loads:
         )
 
     def state(self, k: int) -> Array:
-        """Return all components of the loads in state k as one vector, shape (m,)."""
+        """Return all components of the loads in one state as a vector."""
         return np.concatenate([actuation.numbers[k] for actuation in self.actuations])
 
     def at_rest(self) -> Array:
-        """Return the vector of m zeros that describes a state without loads."""
+        """Return the components of a state without loads: zeros."""
         return np.zeros(sum(actuation.numbers.shape[1] for actuation in self.actuations))
 
     def on(self, mesh: LoadedMesh) -> Callable[[Array, Array], SolidLoads]:
-        """Return a function that computes the loads on a mesh in one load state.
-
-        Its arguments are the components of the loads, (m,), and a factor on magnetic loads for each of B laws, (B,).
-        """
+        """Return a function that computes the loads on a mesh in one load state."""
+        # Its arguments are the components of the loads (m,), and a factor on magnetic loads for each of B laws (B,).
         return partial(mesh.loads, self.actuations)
 
 

@@ -16,7 +16,9 @@ _FINER_AT_STEP = 5.0
 
 @dataclass(frozen=True)
 class Mesh:
-    """A structured mesh of E quadrilaterals with N nodes."""
+    """A structured mesh of quadrilaterals."""
+
+    # E elements and N nodes.
 
     # (N, 2): positions (x, y) of the nodes in mm.
     nodes: Array
@@ -29,16 +31,16 @@ class Mesh:
     thickness: Array | None = None
 
     def column(self, i: int) -> Indices:
-        """Return the indices of the nodes in column i, ordered across the beam."""
+        """Return the indices of the nodes in a column, ordered across the beam."""
         return np.arange(self.rows, dtype=np.intp) + (i % self.columns) * self.rows
 
     def row(self, j: int) -> Indices:
-        """Return the indices of the nodes in row j, ordered along the beam."""
+        """Return the indices of the nodes in a row, ordered along the beam."""
         return np.arange(self.columns, dtype=np.intp) * self.rows + (j % self.rows)
 
 
 def mapped_mesh(along: int, across: int, mapping: Callable[[Array, Array], tuple[Array, Array]]) -> Mesh:
-    """Return a mesh of the unit square with ``along`` x ``across`` elements, mapped by ``mapping(s, t) -> (x, y)``.
+    """Return a mesh of the unit square, mapped by ``mapping(s, t) -> (x, y)``.
 
     Raises
     ------
@@ -64,11 +66,10 @@ def graded(
     finer_at_end: float,
     steps_mm: Array | tuple[()] = (),
 ) -> Array:
-    """Divide a length into elements that are shorter at its ends; return their boundaries in mm.
-
-    count: number of elements. fade_mm: length of the refinement. finer_at_start, finer_at_end: relative increase of the
-    number of elements per mm at the ends. steps_mm: coordinates that must be boundaries, with more elements near them.
-    """
+    """Divide a length into elements that are shorter at its ends; return their boundaries in mm."""
+    # ``count``: number of elements. ``fade_mm``: length of the refinement. ``finer_at_start``, ``finer_at_end``:
+    # relative increase of the number of elements per mm at the ends. ``steps_mm``: coordinates that must be boundaries,
+    # with more elements near them.
     x = np.linspace(0.0, length_mm, 2001)
     density = 1 + finer_at_start * np.exp(-x / fade_mm) + finer_at_end * np.exp((x - length_mm) / fade_mm)
     place = _cumulated(density)
@@ -90,7 +91,7 @@ def _cumulated(density: Array) -> Array:
 
 
 def grid_mesh(x_mm: Array, y_mm: Array) -> Mesh:
-    """Return a mesh of rectangles between lines at increasing coordinates x_mm and y_mm."""
+    """Return a mesh of rectangles between lines at increasing coordinates."""
     m, n = len(x_mm) - 1, len(y_mm) - 1
     return mapped_mesh(
         m, n, lambda s, t: (np.interp(s * m, np.arange(m + 1), x_mm), np.interp(t * n, np.arange(n + 1), y_mm))
@@ -98,7 +99,8 @@ def grid_mesh(x_mm: Array, y_mm: Array) -> Mesh:
 
 
 def quadratic_line(s: Array) -> tuple[Array, Array]:
-    """Return three Lagrange functions, (n, 3), and their derivatives, (n, 3), at n points s from -1 to 1."""
+    """Evaluate three Lagrange functions and their derivatives at points from -1 to 1."""
+    # (n, 3) each for n points.
     s = np.asarray(s, float)
     return (
         np.stack([0.5 * s * (s - 1), 1 - s * s, 0.5 * s * (s + 1)], axis=-1),
@@ -107,7 +109,8 @@ def quadratic_line(s: Array) -> tuple[Array, Array]:
 
 
 def shape_functions(xi: Array, eta: Array) -> tuple[Array, Array]:
-    """Return nine Lagrange functions, (n, 9), and their derivatives, (n, 9, 2), at n points of the square (-1 to 1)."""
+    """Evaluate the nine Lagrange functions and their derivatives at points of the square from -1 to 1."""
+    # (n, 9) and (n, 9, 2) for n points.
     (a, da), (b, db) = quadratic_line(xi), quadratic_line(eta)
     n = a.shape[0]
     value = (a[:, :, None] * b[:, None, :]).reshape(n, 9)

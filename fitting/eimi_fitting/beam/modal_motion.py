@@ -23,7 +23,9 @@ _IMMOBILE = 1e18  # 1/s²
 
 @dataclass(frozen=True)
 class ReducedMotion:
-    """The stiffness and mass matrices of m shapes of small motion, for B candidate laws."""
+    """The stiffness and mass matrices of a beam that moves as a sum of a few given modes."""
+
+    # m modes, for B candidate laws.
 
     # `material`, `rest`, `mass` (B, m, m): the stiffness due to the tangent of the law, the stiffness due to stresses
     # and loads (N/mm), and the mass (N s²/mm).
@@ -38,19 +40,19 @@ class ReducedMotion:
     sound: NDArray[np.bool_]
 
     def frequencies_Hz(self, count: int = 3) -> Array:
-        """Return the lowest undamped frequencies of B candidate laws, (B, count) in Hz."""
+        """Return the lowest undamped frequencies of all candidate laws in Hz."""
+        # (B, count).
         square = squares_by_stiffening(self.material, self.rest, self.mass, np.ones(1), count)[:, 0]
         return np.asarray(np.sqrt(np.maximum(square, 0.0)) / (2 * np.pi))
 
     def roots(self, ratio: Callable[[ComplexArray], ComplexArray], count: int = 3) -> ComplexArray:
-        """Return the complex rates s of the lowest vibrations exp(s t) of B candidate laws, (B, count) in 1/s.
-
-        ratio: complex modulus divided by static modulus, as a function of s. NaN for a mode that does not vibrate.
-        """
+        """Return the complex rates s of the lowest vibrations exp(s t) of all candidate laws."""
+        # ``ratio``: complex modulus divided by static modulus, as a function of s. The result is (B, count) in 1/s, NaN
+        # for a mode that does not vibrate.
         return complex_roots(self.material, self.rest, self.mass, ratio, count)
 
     def take(self, rows: NDArray[np.intp]) -> ReducedMotion:
-        """Return the matrices of the candidate laws with the indices ``rows`` only."""
+        """Return the matrices of some of the candidate laws only."""
         return ReducedMotion(
             self.material[rows], self.rest[rows], self.mass[rows], self.nodal[:, rows], self.rigid[:, rows],
             self.sound[rows],
@@ -60,7 +62,7 @@ class ReducedMotion:
 def complex_roots(
     material: Array, rest: Array, mass: Array, ratio: Callable[[ComplexArray], ComplexArray], count: int = 3
 ) -> ComplexArray:
-    """Return the complex rates s of damped vibrations, the solutions of det(r(s) K_m + K_g + s² M) = 0.
+    """Solve det(r(s) K_m + K_g + s² M) = 0 for the complex rates s of damped vibrations.
 
     Parameters
     ----------
@@ -93,9 +95,7 @@ def fixed_point(
     ratio: Callable[[ComplexArray], ComplexArray],
     size: tuple[int, int],
 ) -> ComplexArray:
-    """Return the complex rates s of a viscoelastic beam, the solutions of s² = -lambda(r(s)), (B, count) in 1/s.
-
-    NaN if the iteration does not converge, or if the mode does not vibrate.
+    """Solve s² = -lambda(r(s)) for the complex rates s of a viscoelastic beam.
 
     Parameters
     ----------
@@ -105,6 +105,11 @@ def fixed_point(
         The function r(s): the complex modulus divided by the static modulus.
     size : tuple of int
         The number B of candidate laws, and the number of modes (count).
+
+    Returns
+    -------
+    ndarray of complex, shape (B, count)
+        The rates in 1/s; NaN if the iteration does not converge, or if the mode does not vibrate.
     """
 
     def next_root(s: ComplexArray) -> ComplexArray:
@@ -126,20 +131,16 @@ def fixed_point(
 
 
 def squares_by_stiffening(material: Array, rest: Array, mass: Array, stiffening: Array, count: int) -> Array:
-    """Return the lowest squared angular frequencies for each of q modulus ratios, (B, q, count) in 1/s².
-
-    material, rest, mass: the stiffness due to the tangent of the law, the stiffness due to stresses and loads, and the
-    mass, (B, m, m) each. stiffening: modulus divided by the static modulus, (q,).
-    """
+    """Return the lowest squared angular frequencies for several ratios of the dynamic to the static modulus."""
+    # ``material``, ``rest``, ``mass`` (B, m, m): the stiffness due to the tangent of the law, the stiffness due to
+    # stresses and loads, and the mass. ``stiffening`` (q,): the ratios. The result is (B, q, count) in 1/s².
     of_material, of_rest = (part[:, None] for part in _in_unit_mass(material, rest, mass))
     return np.asarray(np.linalg.eigvalsh(stiffening[:, None, None] * of_material + of_rest)[..., :count])
 
 
 def _in_unit_mass(material: Array, rest: Array, mass: Array) -> tuple[Array, Array]:
-    """Return K_m and K_g (see the module) in coordinates in which the mass matrix is the identity, (B, m, m) each.
-
-    material, rest, mass: K_m, K_g and the mass matrix, (B, m, m) each.
-    """
+    """Return K_m and K_g in coordinates in which the mass matrix is the identity."""
+    # ``material``, ``rest``, ``mass`` (B, m, m): K_m, K_g (see the module) and the mass matrix.
     sound = np.isfinite((material + rest + mass).sum(axis=(1, 2)))[:, None, None]
     mass = np.where(sound, mass, np.eye(mass.shape[-1]))
     material, rest = (np.where(sound, part, 0.0) for part in (material, rest))

@@ -107,9 +107,17 @@ class BeamModel:
         return BeamModel(self.specimen, 2 * self.along, 2 * self.across, self.plane)
 
     def place(self, points_mm: Array) -> tuple[Indices, Array]:
-        """Return the nine nodes around each of n material points and their shape functions there, (n, 9) each.
+        """Find the element around each material point; return its nodes and the values of its shape functions.
 
-        points_mm: positions (x, y) of the points at rest, shape (n, 2).
+        Parameters
+        ----------
+        points_mm : ndarray, shape (n, 2)
+            Positions (x, y) of the points at rest.
+
+        Returns
+        -------
+        nodes, values : ndarray, shape (n, 9)
+            Indices of the nine nodes around each point, and their shape functions at the point.
 
         Raises
         ------
@@ -119,9 +127,19 @@ class BeamModel:
         return self.grid.place(self.grid.straightened(points_mm))
 
     def positions(self, shapes: Shapes, points_mm: Array) -> Array:
-        """Return the positions (x, y) of n material points for P candidate laws in K load states, (P, K, n, 2) in mm.
+        """Return the positions of material points for all candidate laws and load states.
 
-        points_mm: positions (x, y) of the points at rest, shape (n, 2).
+        Parameters
+        ----------
+        shapes : Shapes
+            The result of `solve`, for P candidate laws in K load states.
+        points_mm : ndarray, shape (n, 2)
+            Positions (x, y) of the points at rest.
+
+        Returns
+        -------
+        ndarray, shape (P, K, n, 2)
+            Positions (x, y) in mm.
 
         Raises
         ------
@@ -132,9 +150,19 @@ class BeamModel:
         return points + self.displacements(shapes, self.grid.straightened(points))
 
     def displacements(self, shapes: Shapes, straight_mm: Array) -> Array:
-        """Return the displacements of n points for P candidate laws in K load states, (P, K, n, 2) in mm.
+        """Return the displacements of points for all candidate laws and load states.
 
-        straight_mm: points (x, y) of the straight reference beam, (n, 2).
+        Parameters
+        ----------
+        shapes : Shapes
+            The result of `solve`, for P candidate laws in K load states.
+        straight_mm : ndarray, shape (n, 2)
+            Points (x, y) of the straight reference beam.
+
+        Returns
+        -------
+        ndarray, shape (P, K, n, 2)
+            Displacements (x, y) in mm.
 
         Raises
         ------
@@ -151,9 +179,19 @@ class BeamModel:
         return step
 
     def carried(self, shapes: Shapes, points_mm: Array) -> Array:
-        """Return positions of n points of the rigid magnet for P candidate laws in K load states, (P, K, n, 2) in mm.
+        """Return the positions of points of the rigid magnet for all candidate laws and load states.
 
-        points_mm: positions (x, y) of the points at rest, shape (n, 2).
+        Parameters
+        ----------
+        shapes : Shapes
+            The result of `solve`, for P candidate laws in K load states.
+        points_mm : ndarray, shape (n, 2)
+            Positions (x, y) of the points at rest.
+
+        Returns
+        -------
+        ndarray, shape (P, K, n, 2)
+            Positions (x, y) in mm.
         """
         (face_x, face_y), arm = self.grid.face_mm, points_mm - np.array(self.grid.face_mm)
         c, s = np.cos(shapes.rigid[..., 2, None]), np.sin(shapes.rigid[..., 2, None])
@@ -162,7 +200,7 @@ class BeamModel:
         return np.stack([x, y], axis=-1)
 
     def tip_angle_deg(self, shapes: Shapes) -> Array:
-        """Return the rotation of the magnet from rest for P candidate laws in K load states, (P, K) in degrees.
+        """Return the rotation of the magnet from rest for all candidate laws and load states, in degrees.
 
         Without a magnet, return the rotation of the cross-section at the tip.
         """
@@ -187,16 +225,16 @@ class BeamModel:
         keep: bool = False,
         near: Configuration | None = None,
     ) -> Shapes:
-        """Find the equilibrium of P candidate laws in K load states, one state after another.
+        """Find the equilibrium of many candidate laws (sets of parameters) in a sequence of load states.
 
         Parameters
         ----------
         law : Law
             The hyperelastic law.
         parameters : ndarray, shape (P, n)
-            The n parameters of the law for each candidate; moduli in Pa.
+            The n parameters of the law for each of P candidates; moduli in Pa.
         loads : Loads
-            The loads in K load states.
+            The loads in K load states, which are solved one after another.
         tolerance_mm : float
             Newton's method ends when every node moves by less than this distance in an iteration.
         start : Configuration or None
@@ -226,7 +264,7 @@ class BeamModel:
         return follow(self.solid, self.loaded, chosen, loads, tolerance_mm, start, keep)
 
     def element_stretch(self, shapes: Shapes) -> Array:
-        """Return the largest principal stretch in E elements for P candidate laws in K load states, (P, K, E)."""
+        """Return the largest principal stretch in each element, for all candidate laws and load states."""
         p, k = shapes.status.shape
         flat = self.solid.stretch(shapes.displacement.reshape(p * k, -1, 2))
         return flat.max(axis=2).T.reshape(p, k, -1)

@@ -21,35 +21,22 @@ Model = BeamModel | SolidModel | SolidBeside
 
 
 def edge_curves(model: BeamModel, shapes: Shapes) -> Array:
-    """Return the edges of a planar beam model for P candidate laws in K load states, (P, K, 2, S, 3, 2).
-
-    The left edge (y < 0 at rest) is first. Each edge has S quadratic segments from clamp to tip, with three points
-    (x, y) in mm each.
-    """
+    """Return the left and the right edge of a planar beam model, as curves of quadratic segments."""
+    # (P, K, 2, S, 3, 2) in mm: P candidate laws, K load states, the left edge (y < 0 at rest) first, S segments from
+    # clamp to tip, three points (x, y) each.
     place = model.mesh.nodes + shapes.displacement
     return _segments(np.stack([place[:, :, model.mesh.row(0)], place[:, :, model.mesh.row(-1)]], axis=2))
 
 
 def outline(model: Model, shapes: Shapes, view: View | None = None) -> Array:
-    """Return the left and the right outline as a camera sees them, (P, K, 2, S, 3, 2) in mm.
-
-    There are P candidate laws and K load states. The left outline (y < 0 at rest) is first. Each outline has S
-    quadratic segments of three points (x, y).
-
-    Parameters
-    ----------
-    model : BeamModel, SolidModel or SolidBeside
-        The beam model that was solved.
-    shapes : Shapes
-        The shapes that this model returned.
-    view : View or None
-        The perspective of the camera; None for a telecentric lens.
+    """Return the left and the right outline of a beam model as a camera sees them.
 
     Raises
     ------
     ValueError
         The specimen reaches the pupil of the lens.
     """
+    # The result has the shape of that of `edge_curves`. ``view``: None for a telecentric lens.
     if isinstance(model, BeamModel):
         if view is None:
             return edge_curves(model, shapes)
@@ -77,20 +64,17 @@ def outline(model: Model, shapes: Shapes, view: View | None = None) -> Array:
 
 
 def _bowed_faces(mesh: Bricks, shapes: Shapes) -> Array:
-    """Return the nodes on the left and the right face of a solid model, in mm, (P, K, 2, n, m, 3).
-
-    At each of n stations along the beam, m nodes lead from mid-depth to the surface with z > 0.
-    """
+    """Return the nodes on the left and the right face of a solid model in mm."""
+    # (P, K, 2, n, m, 3): at each of n stations along the beam, m nodes lead from mid-depth to the surface with z > 0.
     numbers = mesh.numbers
     sides = np.stack([numbers[:, 0], numbers[:, -1]])
     return np.asarray(mesh.nodes[sides] + shapes.displacement[:, :, sides])
 
 
 def _flat_faces(model: BeamModel, shapes: Shapes) -> Array:
-    """Return points on the left and the right face of a planar model, in mm, (P, K, 2, n, 3, 3).
-
-    At each of n stations along the beam, three points lead from mid-depth to the surface with z > 0.
-    """
+    """Return points on the left and the right face of a planar model in mm."""
+    # (P, K, 2, n, 3, 3): at each of n stations along the beam, three points lead from mid-depth to the surface with z >
+    # 0.
     place = model.mesh.nodes + shapes.displacement
     sides = np.stack([place[:, :, model.mesh.row(0)], place[:, :, model.mesh.row(-1)]], axis=2)
     along = model.grid.straight_mm[model.mesh.row(0), 0]
@@ -100,12 +84,14 @@ def _flat_faces(model: BeamModel, shapes: Shapes) -> Array:
 
 
 def _segments(sides: Array) -> Array:
-    """Divide curves of 2 S + 1 points (x, y) into S quadratic segments, (..., S, 3, 2)."""
+    """Divide curves of points into quadratic segments."""
+    # (..., 2 S + 1, 2) gives (..., S, 3, 2).
     return np.stack([sides[..., 0:-1:2, :], sides[..., 1::2, :], sides[..., 2::2, :]], axis=-2)
 
 
 def _outward(curves: Array) -> Array:
-    """Return the outward unit normals (x, y) of the left and the right edge at n points, (..., 2, n, 2)."""
+    """Return the outward unit normals of the left and the right edge."""
+    # (..., 2, n, 2) for n points of each edge.
     step = np.diff(curves, axis=-2)
     length = np.linalg.norm(step, axis=-1, keepdims=True)
     direction = step / length
@@ -117,11 +103,9 @@ def _outward(curves: Array) -> Array:
 
 
 def _at_normals(lines: Array, middle: Array, normal: Array) -> Array:
-    """Return the points (x, y) at which m curves cross n straight lines, (..., n, m, 2).
-
-    lines: n points (x, y) of each curve, (..., n, m, 2). middle, normal: a point and the unit direction of each
-    straight line, (..., n, 2).
-    """
+    """Return the points at which curves on a face of the beam cross the normals of its edge."""
+    # ``lines`` (..., n, m, 2): m curves of n points. ``middle``, ``normal`` (..., n, 2): a point and the unit direction
+    # of each of n normals. The result is (..., n, m, 2).
     n = lines.shape[-3]
     tangent = np.stack([normal[..., 1], -normal[..., 0]], axis=-1)
     across = [np.einsum("...ndi,...ni->...nd", lines - middle[..., None, :], way) for way in (tangent, normal)]
@@ -146,11 +130,9 @@ def _at_normals(lines: Array, middle: Array, normal: Array) -> Array:
 
 
 def _farthest(lines: Array, normal: Array) -> Array:
-    """Return the outermost point (x, y) of each of n curves on a face of the beam, (..., n, 2).
-
-    lines: the curves as D quadratic segments through the depth of the beam, projected to x and y, (..., n, 2 D + 1, 2).
-    normal: outward unit vectors, (..., n, 2).
-    """
+    """Return the outermost point of each curve on a face of the beam."""
+    # ``lines`` (..., n, 2 D + 1, 2): n curves of D quadratic segments through the depth of the beam, projected to x and
+    # y. ``normal`` (..., n, 2): outward unit vectors. The result is (..., n, 2).
     first, middle, last = lines[..., 0:-1:2, :], lines[..., 1::2, :], lines[..., 2::2, :]  # (..., n, D, 2)
     slope, bend = 0.5 * (last - first), first - 2 * middle + last
     along, curved = (np.einsum("...ndi,...ni->...nd", v, normal) for v in (slope, bend))
@@ -162,7 +144,8 @@ def _farthest(lines: Array, normal: Array) -> Array:
 
 
 def points_on(curves: Array, per_segment: int) -> Array:
-    """Convert curves of S quadratic segments (..., S, 3, 2) to polylines (..., S * per_segment + 1, 2)."""
+    """Convert curves of quadratic segments to polylines."""
+    # (..., S, 3, 2) gives (..., S * per_segment + 1, 2).
     xi = np.linspace(-1, 1, per_segment + 1)[:-1]
     shape = np.stack([0.5 * xi * (xi - 1), 1 - xi * xi, 0.5 * xi * (xi + 1)])
     inner = np.einsum("...sad,ax->...sxd", curves, shape)

@@ -1,4 +1,4 @@
-"""Compute the equilibria under a sequence of loads (load states), one after another or all at once.
+"""Compute the equilibria under a sequence of loads, one after another or all at once.
 
 If they are solved one after another, Newton's method begins at an extrapolation of the solved states. If a step fails,
 or may end on another equilibrium path, it is repeated in 4, 16 and 64 smaller steps.
@@ -45,10 +45,10 @@ LoadsAt = Callable[[Array, Array], SolidLoads]
 
 @dataclass(frozen=True)
 class Shapes:
-    """The deformed shapes of the beam for P candidate laws in K load states.
+    """The deformed shapes of the beam for all candidate laws and load states."""
 
-    The mesh has N nodes in d dimensions. A state that could not be solved has the last shape that was reached.
-    """
+    # P candidate laws, K load states, and N nodes in d dimensions. A state that could not be solved has the last shape
+    # that was reached.
 
     # (P, K, N, d): displacements of the nodes in mm.
     displacement: Array
@@ -67,11 +67,11 @@ class Shapes:
 
     @property
     def converged(self) -> NDArray[np.bool_]:
-        """Whether each of P candidate laws has the status CONVERGED in all load states, shape (P,)."""
+        """Whether each candidate law has the status CONVERGED in all load states."""
         return np.asarray((self.status == Status.CONVERGED).all(axis=1))
 
     def take(self, rows: NDArray[np.intp]) -> Shapes:
-        """Return the shapes of the candidate laws with the indices ``rows`` only."""
+        """Return the shapes of some of the candidate laws only."""
         return Shapes(
             displacement=self.displacement[rows],
             rigid=self.rigid[rows],
@@ -85,7 +85,9 @@ class Shapes:
 
 @dataclass(frozen=True)
 class Candidates:
-    """P candidates (sets of parameters of a hyperelastic law) that are solved together."""
+    """Candidates (sets of parameters of a hyperelastic law) that are solved together."""
+
+    # P candidates.
 
     # The candidates with their parameters in MPa.
     batch: Batch
@@ -95,7 +97,7 @@ class Candidates:
     sound: NDArray[np.bool_]
 
     def take(self, rows: Indices) -> tuple[Batch, Array]:
-        """Return the candidate laws with the indices ``rows``, and the factors on their magnetic loads."""
+        """Return some of the candidate laws, and the factors on their magnetic loads."""
         batch = self.batch
         part = Batch(batch.law, batch.parameters[rows], batch.section, batch.bulk[rows])
         return part, np.ones(1) if self.field_factor is None else self.field_factor[rows]
@@ -108,14 +110,14 @@ def candidates(
     bulk_modulus_Pa: Array | None,
     field_factor: Array | None,
 ) -> Candidates:
-    """Return P candidates (sets of parameters of a law) that are solved together.
+    """Convert sets of parameters of a law to candidates that are solved together.
 
     Parameters
     ----------
     law : Law
         The hyperelastic law.
     parameters : ndarray, shape (P, n)
-        The n parameters of each candidate; moduli in Pa.
+        The n parameters of each of P candidates; moduli in Pa.
     section : {"plane-stress", "plane-strain", "solid"}
         How the depth is modelled.
     bulk_modulus_Pa : ndarray, shape (P,), or None
@@ -161,11 +163,9 @@ def follow(
     keep: bool = False,
     beside: Configuration | None = None,
 ) -> Shapes:
-    """Return the shapes of all candidate laws in K load states, solved one state after another.
-
-    keep: whether to store the configurations of the first candidate (``Shapes.every``). beside: for one candidate,
-    configurations of a similar beam model, one row for each state, near which Newton's method begins.
-    """
+    """Solve the load states of all candidate laws one after another."""
+    # ``keep``: whether to store the configurations of the first candidate (``Shapes.every``). ``beside``: for one
+    # candidate, configurations of a similar beam model, one row for each state, near which Newton's method begins.
     p, k_states = len(chosen.sound), len(loads)
     loads_at = loads.on(mesh)
     now = solid.rest(p) if start is None else start.copy()
@@ -213,11 +213,9 @@ def at_once(
     near: Configuration,
     keep: bool = False,
 ) -> Shapes | None:
-    """Return the shapes of all candidate laws in K load states, solved for all states at once; None if this fails.
-
-    near: configurations of a similar beam, one row for each state, with which Newton's method begins. keep: whether
-    to store the configurations of the first candidate.
-    """
+    """Solve all load states of all candidate laws at once; return None if this fails."""
+    # ``near``: configurations of a similar beam, one row for each state, with which Newton's method begins. ``keep``:
+    # whether to store the configurations of the first candidate.
     p, k_states = len(chosen.sound), len(loads)
     loads_at = loads.on(mesh)
     if not chosen.sound.all():
@@ -268,10 +266,9 @@ def _advance(
     tolerance_mm: float,
     near: Configuration | None,
 ) -> tuple[NDArray[np.int8], NDArray[np.intp]]:
-    """Find the equilibria of the candidate laws ``rows`` under the next load; return status and iterations.
-
-    path: the equilibria under earlier loads. now: the configurations, which are overwritten.
-    """
+    """Find the equilibria of candidate laws under the next load; return status and number of iterations."""
+    # ``rows``: the candidates. ``path``: the equilibria under earlier loads. ``now``: the configurations, which are
+    # overwritten.
     status = np.full(len(rows), Status.DIVERGED, np.int8)
     lost = np.zeros(len(rows), bool)  # whether a candidate buckled in the last attempt, certainly on its path
     iterations = np.zeros(len(rows), np.intp)
@@ -308,10 +305,9 @@ def _divided(
     tolerance_mm: float,
     only_try: bool = False,
 ) -> tuple[Configuration, NDArray[np.int8], NDArray[np.intp], NDArray[np.bool_]]:
-    """Find the equilibria of the candidate laws ``rows`` under the next load, which is reached in ``cuts`` equal steps.
-
-    Returns configuration, status, number of iterations, and whether the solution is certainly on the equilibrium path.
-    """
+    """Find the equilibria of candidate laws under the next load, which is reached in several equal steps."""
+    # The results: configuration, status, number of iterations, and whether the solution is certainly on the equilibrium
+    # path. ``rows``: the candidates. ``cuts``: number of steps.
     few = _FEW - (tolerance_mm > _LOOSE_MM)
     most = few if cuts < _CUTS[-1] else None  # a candidate that needs more is repeated in smaller steps
     everyone = len(rows) == len(path[-1][1].rigid)
@@ -360,7 +356,7 @@ def _divided(
 
 
 def _as_predicted(solid: Solid, predicted: Configuration, solved: Configuration) -> NDArray[np.bool_]:
-    """Return whether the largest strain of each solution is below 1.5 times that of ``predicted`` plus 0.02, (B,)."""
+    """Return whether the largest strain of each solution is not much larger than predicted."""
     before, after = (solid.stretch(c.displacement).max(axis=(0, 2)) - 1 for c in (predicted, solved))
     return np.asarray(after < _OF_STRAIN * before + _SMALL_STRAIN)
 
@@ -370,7 +366,8 @@ def _taken(path: Path, rows: Indices) -> Path:
 
 
 def _extrapolate(path: Path, load: Array) -> Configuration | None:
-    """Return the configuration under ``load``, extrapolated from the equilibria under earlier loads, or None."""
+    """Extrapolate the configuration under a load from the equilibria under earlier loads."""
+    # None if there are too few of them.
     if len(path) < 2:
         return None
     direction = load - path[-1][0]

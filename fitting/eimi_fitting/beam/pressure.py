@@ -15,23 +15,7 @@ Array = NDArray[np.float64]
 
 
 class FollowerPressure:
-    """The sides of elements on which a pressure acts, and the matrix that gives the nodal forces of this pressure.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        The planar mesh.
-    nodes : ndarray of int, shape (2 S + 1,)
-        Nodes along S sides of elements. The beam lies to the left of the direction from the first to the last node.
-    spans : ndarray, shape (S, 2), or None
-        Start and end of the loaded part of each side (-1 to 1); None: the whole sides.
-
-    Attributes
-    ----------
-    elements : ndarray of int, shape (F,)
-        The elements with a side under pressure.
-    operator : ndarray, shape (F, 18, 18)
-        Derivative of the nodal forces (N/mm) by the nodes' positions (mm), divided by the pressure (N/mm²).
+    """Sides of elements on which a pressure acts, and the matrix that gives its nodal forces.
 
     Raises
     ------
@@ -39,7 +23,14 @@ class FollowerPressure:
         A side under pressure belongs to no element, or to two elements.
     """
 
+    # ``elements`` (F,): the elements with a side under pressure.
+    # ``operator`` (F, 18, 18): derivative of the nodal forces (N/mm) by the nodes' positions (mm), divided by the
+    # pressure (N/mm²).
+
     def __init__(self, mesh: Mesh, nodes: Indices, spans: Array | None = None) -> None:
+        # ``nodes`` (2 S + 1,): nodes along S sides of elements; the beam lies to the left of the direction from the
+        # first to the last node. ``spans`` (S, 2): start and end of the loaded part of each side (-1 to 1); None: the
+        # whole sides.
         sides = np.stack([nodes[0:-1:2], nodes[1::2], nodes[2::2]], axis=1)
         spans = np.tile([-1.0, 1.0], (len(sides), 1)) if spans is None else spans
         operator = np.zeros((len(mesh.elements), 2, 9, 2, 9))
@@ -67,11 +58,11 @@ class FollowerPressure:
         self._rest = mesh.nodes[mesh.elements[self.elements]].transpose(0, 2, 1).reshape(-1, 1, 18)
 
     def press(self, pressure: Array, nodal: Array, force: Array, stiffness: Array) -> None:
-        """Subtract the nodal forces of a pressure from ``force``, and their derivative from ``stiffness``, in place.
-
-        pressure: in N/mm² for B candidate laws, (B,) or (1,). nodal: displacements of E elements in mm, (E, B, 18).
-        force: (E, B, 18). stiffness: (E, B, 18, 18).
-        """
+        """Subtract the nodal forces of a pressure and their derivative from ``force`` and ``stiffness``, in place."""
+        # ``pressure`` (B,) or (1,): in N/mm² for B candidate laws. ``nodal`` (E, B, 18): displacements in mm.
+        # ``force``: (E, B, 18). ``stiffness``: (E, B, 18, 18).
+        # ``pressure`` (B,) or (1,): in N/mm² for B candidate laws. ``nodal`` (E, B, 18): displacements in mm.
+        # ``force``: (E, B, 18). ``stiffness``: (E, B, 18, 18).
         tangent = pressure[:, None, None] * self.operator[:, None]  # (F, B, 18, 18)
         place = self._rest + nodal[self.elements]
         force[self.elements] -= np.matmul(tangent, place[..., None])[..., 0]

@@ -27,11 +27,9 @@ _STATIONS = 17  # rows of a table that holds modes; its spline reproduces their 
 def with_modes(
     specimen: Specimen, bends_mm: Sequence[float] | Array = (), widths_mm: Sequence[float] | Array = ()
 ) -> Specimen:
-    """Return the specimen with smooth deviations added to its rest shape.
-
-    bends_mm: largest offset of the centre line in mm, toward +y, in each bending mode i = 0, 1, ...; its curvature is
-    proportional to the Legendre polynomial P_i. widths_mm: factors in mm on P_1 and P_2, which are added to the width.
-    """
+    """Add smooth deviations to the rest shape of a specimen."""
+    # ``bends_mm``: largest offset of the centre line in mm, toward +y, in each bending mode i = 0, 1, ...
+    # ``widths_mm``: factors in mm on P_1 and P_2, which are added to the width.
     if not any(bends_mm) and not any(widths_mm):
         return specimen
     shape, share = specimen.rest_shape or RestShape(), specimen.flexible_length_mm / specimen.length_mm
@@ -53,11 +51,10 @@ def with_modes(
 
 
 def _added(rows: Rows, share: float, mode: Callable[[Array], Array], before: Callable[[Array], Array]) -> Rows:
-    """Return a table of a rest shape with a smooth deviation (``mode``) added to its values.
-
-    rows: the table, with a fraction of the beam's length and a value in each row. share: length of the flexible part
-    divided by the length of the beam. before: function that gives the value of the table at any fraction.
-    """
+    """Add a smooth deviation to the table of a rest shape."""
+    # ``rows``: the table, with a fraction of the beam's length and a value in each row. ``share``: length of the
+    # flexible part divided by the length of the beam. ``before``: function that gives the value of the table at any
+    # fraction.
     if rows:
         at, values = np.array(rows).T
         if len(at) < _STATIONS:
@@ -74,18 +71,15 @@ def _added(rows: Rows, share: float, mode: Callable[[Array], Array], before: Cal
 
 
 def bend_offset(bends_mm: Sequence[float] | Array, along: Array) -> Array:
-    """Return the offset of the centre line, normal to the beam, due to modes of bending, (n,) in mm.
-
-    bends_mm: largest offset in each mode in mm. along: arc length divided by the length of the flexible part, (n,).
-    """
+    """Return the offset of the centre line due to modes of bending, in mm."""
+    # ``bends_mm``: largest offset in each mode. ``along`` (n,): arc length divided by the length of the flexible part.
     return sum((a * _turn(i, along, 1) for i, a in enumerate(bends_mm)), start=np.zeros(len(along)))
 
 
 def _turn(i: int, x: Array, integrals: int = 0) -> Array:
-    """Return the angle (``integrals`` = 0) or the offset (``integrals`` = 1) of the centre line in bending mode i.
-
-    The largest offset is 1. x: arc length. Arc length and offset are divided by the length of the flexible part.
-    """
+    """Return the angle or the offset of the centre line in one bending mode."""
+    # ``integrals``: 0 for the angle, 1 for the offset, of which the largest is 1. ``x``: arc length. Arc length and
+    # offset are divided by the length of the flexible part.
     turn = Legendre.basis(i, domain=[0.0, 1.0]).integ(lbnd=0.0)
     offset = turn.integ(lbnd=0.0)
     return np.asarray((offset if integrals else turn)(x) / np.abs(offset(np.linspace(0, 1, 101))).max())

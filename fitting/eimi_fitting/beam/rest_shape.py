@@ -70,7 +70,7 @@ class RestShape:
 
 
 def table_at(rows: Rows, shares: Array) -> Array:
-    """Return the values of a table (rows of fraction and value) at fractions of the beam's length; 0 without rows."""
+    """Interpolate a table (rows of fraction and value) at fractions of the beam's length; 0 without rows."""
     if not rows:
         return np.zeros(np.shape(shares))
     at, values = np.array(rows).T

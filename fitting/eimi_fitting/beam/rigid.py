@@ -12,17 +12,12 @@ Array = NDArray[np.float64]
 
 
 class RigidBody:
-    """The nodes that move with a rigid body (the magnet).
+    """The nodes of the mesh that move with a rigid body (the magnet)."""
 
-    Attributes
-    ----------
-    nodes : ndarray of int, shape (T,)
-        The nodes that move with the body.
-    arms : ndarray, shape (T, 2)
-        The vectors (x, y) at rest from the reference point of the body to the nodes, in mm.
-    elements : ndarray of int, shape (H,)
-        The elements that have at least one of the nodes.
-    """
+    # The motion ``rigid`` (B, 3) is the translation (x, y) in mm and the rotation in rad, for B candidate laws.
+    # ``nodes`` (T,): the nodes that move with the body.
+    # ``arms`` (T, 2): the vectors (x, y) at rest from the reference point of the body to the nodes, in mm.
+    # ``elements`` (H,): the elements that have at least one of the nodes.
 
     def __init__(self, mesh: Mesh | Bricks, nodes: Indices, centre: tuple[float, float]) -> None:
         self.nodes = nodes
@@ -41,21 +36,16 @@ class RigidBody:
         self._sine = np.concatenate([-x, -y, *in_depth], axis=1)[:, None]
 
     def carry(self, displacement: Array, rigid: Array) -> None:
-        """Set the displacements of the magnet's nodes, in place, from the motion of the magnet.
-
-        displacement: of all N nodes, (B, N, d) in mm. rigid: translation (x, y) in mm and rotation in rad, (B, 3).
-        """
+        """Set the displacements of the magnet's nodes from the motion of the magnet, in place."""
+        # ``displacement`` (B, N, d): of all N nodes in mm.
         c, s = np.cos(rigid[:, 2])[:, None], np.sin(rigid[:, 2])[:, None]
         x, y = self.arms.T
         displacement[:, self.nodes, 0] = rigid[:, 0:1] + (c - 1) * x - s * y
         displacement[:, self.nodes, 1] = rigid[:, 1:2] + s * x + (c - 1) * y
 
     def matrix(self, rigid: Array) -> Array:
-        """Return the derivatives of element displacements by the motion of the magnet, (H, B, u, 3).
-
-        Each of the H elements at the magnet has u displacements. rigid: translation (x, y) in mm and rotation in rad
-        for B candidate laws, (B, 3).
-        """
+        """Return the derivatives of element displacements with respect to the motion of the magnet."""
+        # (H, B, u, 3): each of the H elements at the magnet has u displacements.
         c, s = np.cos(rigid[:, 2])[:, None], np.sin(rigid[:, 2])[:, None]
         tie = np.empty((len(self.elements), len(rigid), self._translation.shape[2], 3))
         tie[..., :2] = self._translation
@@ -63,21 +53,17 @@ class RigidBody:
         return tie
 
     def stiffness_of_turning(self, force: Array, rigid: Array) -> Array:
-        """Return the rotational stiffness of the magnet due to the forces on its nodes, (B,) in N mm.
-
-        force: of E elements, (E, B, u). rigid: translation (x, y) in mm and rotation in rad, (B, 3).
-        """
+        """Return the rotational stiffness of the magnet due to the forces on its nodes."""
+        # ``force`` (E, B, u): of the elements. The result is (B,) in N mm.
         c, s = np.cos(rigid[:, 2])[:, None], np.sin(rigid[:, 2])[:, None]
         bending = self._sine * c - self._cosine * s  # second derivative of the tied displacements by the rotation
         return np.asarray(np.sum(bending * force[self.elements], axis=(0, 2)))
 
 
 def dead_moment(tensor: Array, rigid: Array) -> tuple[Array, Array]:
-    """Return the moment on the magnet by loads with constant direction, and its stiffness, (B,) each.
-
-    The potential is -Q : R, with the tensor Q (``tensor``, (B, 2, 2)) and the matrix R of the rotation. rigid:
-    translation (x, y) and rotation, (B, 3).
-    """
+    """Return the moment on the magnet due to loads with constant direction, and the stiffness that they cause."""
+    # The potential is -Q : R, with the tensor Q (``tensor``, (B, 2, 2)) and the matrix R of the rotation. The results
+    # are (B,).
     c, s = np.cos(rigid[:, 2]), np.sin(rigid[:, 2])
     even, odd = tensor[:, 0, 0] + tensor[:, 1, 1], tensor[:, 1, 0] - tensor[:, 0, 1]
     return c * odd - s * even, c * even + s * odd

@@ -22,10 +22,8 @@ _FINER_AT_EDGE = 3.0  # grading in depth toward the magnet's edge
 
 
 def _depth_lines(specimen: Specimen, magnet_depth: float, more: int) -> Array:
-    """Return the z coordinates in mm of the mesh lines from mid-depth to the surface.
-
-    magnet_depth: in mm. more: number of elements in addition to the usual number.
-    """
+    """Return the z coordinates of the mesh lines from mid-depth to the surface in mm."""
+    # ``more``: number of elements in addition to the usual number.
     half, edge, width = 0.5 * specimen.depth_mm, 0.5 * magnet_depth, specimen.width_mm
     if not 0 < edge < half:
         return np.linspace(0, half, _FEWEST + more + 1)
@@ -38,38 +36,21 @@ def _depth_lines(specimen: Specimen, magnet_depth: float, more: int) -> Array:
 
 
 class SolidGrid:
-    """The solid mesh of half of a specimen (z > 0), built in a straight reference beam.
+    """The solid mesh of half of a specimen (z > 0), built in a straight reference beam."""
 
-    Parameters
-    ----------
-    specimen : Specimen
-        The beam.
-    along, across : int
-        Numbers of elements along the flexible part and across the width.
-    more : int
-        Number of elements across the depth in addition to the usual number.
-
-    Attributes
-    ----------
-    flat : Grid
-        The planar mesh of the specimen.
-    strip : Strip
-        The map from the reference beam to the specimen at rest.
-    straight_mm : ndarray, shape (N, 3)
-        Positions (x, y, z) of the N nodes in the reference beam.
-    z_mm : ndarray
-        The z coordinates of the mesh lines.
-    mesh : Bricks
-        The elements of silicone.
-    per_specimen : float
-        The fraction of a load on the specimen that acts on the mesh, 1/2.
-    block_mm, magnet_nodes, face_mm, turn_rad
-        As in the planar mesh (`Grid`).
-    """
+    # ``flat``: the planar mesh of the specimen.
+    # ``strip``: the map from the reference beam to the specimen at rest.
+    # ``straight_mm`` (N, 3): positions (x, y, z) of the N nodes in the reference beam.
+    # ``z_mm``: the z coordinates of the mesh lines.
+    # ``mesh``: the elements of silicone.
+    # ``per_specimen``: the fraction of a load on the specimen that acts on the mesh, 1/2.
+    # ``block_mm``, ``magnet_nodes``, ``face_mm``, ``turn_rad``: as in the planar mesh (`Grid`).
 
     per_specimen = 0.5
 
     def __init__(self, specimen: Specimen, along: int, across: int, more: int = 0) -> None:
+        # ``along``, ``across``: numbers of elements along the flexible part and across the width. ``more``: number of
+        # elements across the depth in addition to the usual number.
         self.specimen = specimen
         strip = self.strip = Strip(specimen)
         specimen = self._straight = strip.straight
@@ -93,7 +74,7 @@ class SolidGrid:
         self.mesh: Bricks = replace(mesh, elements=mesh.elements[~inside.ravel()])
 
     def straightened(self, points_mm: Array) -> Array:
-        """Map n points of the specimen at rest to the straight reference beam, (n, 2) or (n, 3) in mm."""
+        """Map points of the specimen at rest to the straight reference beam."""
         points = np.atleast_2d(np.asarray(points_mm, float))
         flat = self.flat.straightened(points[:, :2])
         if points.shape[1] == 2:
@@ -101,10 +82,8 @@ class SolidGrid:
         return np.column_stack([flat, self.strip.straight_z_mm(flat[:, 0], points[:, 2])])
 
     def on_magnet(self, points_mm: Array) -> NDArray[np.bool_]:
-        """Return whether each of n points moves rigidly with the magnet, shape (n,).
-
-        points_mm: points (x, y) or (x, y, z) of the straight reference beam, (n, 2 or 3).
-        """
+        """Return whether each point moves rigidly with the magnet."""
+        # ``points_mm`` (n, 2 or 3): points (x, y) or (x, y, z) of the straight reference beam.
         points = np.atleast_2d(np.asarray(points_mm, float))
         on = self.flat.on_magnet(points[:, :2])
         if points.shape[1] == 3 and self.block_mm[2] < self._straight.depth_mm:
@@ -112,15 +91,14 @@ class SolidGrid:
         return on
 
     def place(self, points_mm: Array) -> tuple[Indices, Array]:
-        """Return the 27 nodes around each of n points and their shape functions there, (n, 27) each.
-
-        points_mm: points (x, y, z) of the straight reference beam, (n, 3).
+        """Find the element around each point; return its nodes and the values of its shape functions.
 
         Raises
         ------
         ValueError
             A point is more than 1 µm outside the specimen.
         """
+        # ``points_mm`` (n, 3): points (x, y, z) of the straight reference beam. The results are (n, 27).
         points = np.atleast_2d(np.asarray(points_mm, float))
         depth = np.abs(points[:, 2])
         if np.any(depth > self.z_mm[-1] + _SAME_MM):
@@ -139,10 +117,9 @@ class SolidGrid:
         return self._all[(cells[0] * n + cells[1]) * k + cells[2]], shape_functions(*local)[0]
 
     def through_depth(self, point_mm: Array) -> tuple[Indices, Array]:
-        """Return the nodes that share a force, and their fractions of the force, (m, 27) each.
-
-        The force is spread over m points through the depth. point_mm: the point (x, y) in the straight reference beam.
-        """
+        """Return the nodes that share a force at a point, and their fractions of the force."""
+        # The force is spread over m points through the depth: (m, 27) each. ``point_mm``: the point (x, y) in the
+        # straight reference beam.
         ends, half = self.z_mm, np.diff(self.z_mm) / 2
         gauss, weight = np.polynomial.legendre.leggauss(2)
         z = (ends[:-1, None] + half[:, None] * (1 + gauss)).ravel()

@@ -72,7 +72,7 @@ class SolidModel:
         field_factor: Array | None = None,
         beside: Configuration | None = None,
     ) -> Shapes:
-        """Find the equilibrium of P candidate laws in K load states, one state after another.
+        """Find the equilibrium of many candidate laws (sets of parameters) in a sequence of load states.
 
         Parameters
         ----------
@@ -90,7 +90,7 @@ class SolidModel:
         return follow(self.solid, self.loaded, chosen, loads, tolerance_mm, start, beside=beside)
 
     def tip_angle_deg(self, shapes: Shapes) -> Array:
-        """Return the rotation of the magnet from rest for P candidate laws in K load states, (P, K) in degrees.
+        """Return the rotation of the magnet from rest for all candidate laws and load states, in degrees.
 
         Without a magnet, return the rotation of the cross-section at the tip, at mid-depth.
         """
@@ -103,21 +103,21 @@ class SolidModel:
         return np.degrees(np.arctan2(-across[..., 0], across[..., 1]) - tip_rad)
 
     def element_stretch(self, shapes: Shapes) -> Array:
-        """Return the largest principal stretch in E elements for P candidate laws in K load states, (P, K, E)."""
+        """Return the largest principal stretch in each element, for all candidate laws and load states."""
         p, k = shapes.status.shape
         flat = self.solid.stretch(shapes.displacement.reshape(p * k, -1, 3))
         return flat.max(axis=2).T.reshape(p, k, -1)
 
     def positions(self, shapes: Shapes, points_mm: Array) -> Array:
-        """Return the positions of n material points for P candidate laws in K load states, (P, K, n, 3) in mm.
-
-        points_mm: positions (x, y, z) of the points at rest, shape (n, 3), with z = 0 at mid-depth.
+        """Return the positions of material points for all candidate laws and load states, in mm.
 
         Raises
         ------
         ValueError
             A point is not on the specimen.
         """
+        # ``points_mm`` (n, 3): positions (x, y, z) of the points at rest, with z = 0 at mid-depth. The result is (P, K,
+        # n, 3).
         points = np.atleast_2d(np.asarray(points_mm, float))
         moved = np.empty((*shapes.status.shape, len(points), 3))
         straight = self.grid.straightened(points)

@@ -32,23 +32,13 @@ class ImpossibleShape(ValueError):
 class Strip:
     """The map from a straight reference beam of constant width and depth to the specimen at rest.
 
-    Parameters
-    ----------
-    specimen : Specimen
-        The beam.
-
-    Attributes
-    ----------
-    straight : Specimen
-        The reference beam.
-    is_straight : bool
-        Whether the map is the identity.
-
     Raises
     ------
     ImpossibleShape
         The width or the depth is not positive everywhere.
     """
+
+    # ``straight``: the reference beam. ``is_straight``: whether the map is the identity.
 
     def __init__(self, specimen: Specimen) -> None:
         shape, magnet = specimen.rest_shape, specimen.magnet
@@ -78,20 +68,20 @@ class Strip:
 
     @property
     def kinks_mm(self) -> Array:
-        """The arc lengths in the flexible part at which the slope of the width or depth jumps, (n,) in mm."""
+        """The arc lengths in mm at which the slope of the width or depth jumps, in the flexible part."""
         at = self._length * replace(self._shape, widths=self._widths, depths=self._depths).kinks
         return np.asarray(at[(at > 0) & (at < self._near)])
 
     def width_mm(self, along_mm: Array) -> Array:
-        """Return the width of the specimen at rest at n arc lengths from the clamp, (n,) in mm."""
+        """Return the width of the specimen at rest, at arc lengths from the clamp."""
         return self._width_mm + table_at(self._widths, np.asarray(along_mm) / self._length)
 
     def depth_mm(self, along_mm: Array) -> Array:
-        """Return the depth of the specimen at rest at n arc lengths from the clamp, (n,) in mm."""
+        """Return the depth of the specimen at rest, at arc lengths from the clamp."""
         return self._depth_mm + table_at(self._depths, np.asarray(along_mm) / self._length)
 
     def angle_rad(self, along_mm: Array) -> Array:
-        """Return the angle of the centre line at rest, from +x, at n arc lengths from the clamp, (n,) in rad."""
+        """Return the angle of the centre line at rest, from +x, at arc lengths from the clamp."""
         s = np.asarray(along_mm, float)
         if not self._shape.turns:
             return np.zeros(s.shape)
@@ -112,7 +102,7 @@ class Strip:
         )
 
     def at_rest(self, straight_mm: Array) -> Array:
-        """Map n points (x, y) of the straight reference beam, (n, 2) in mm, to the specimen at rest, (n, 2) in mm."""
+        """Map points (x, y) of the straight reference beam to the specimen at rest."""
         points = np.asarray(straight_mm, float)
         if self.is_straight:
             return points
@@ -124,7 +114,7 @@ class Strip:
         return np.asarray(self._centre(s) + across[:, None] * np.stack([-np.sin(angle), np.cos(angle)], axis=1))
 
     def straightened(self, places_mm: Array) -> Array:
-        """Map n points (x, y) of the specimen at rest, (n, 2) in mm, to the straight reference beam, (n, 2) in mm."""
+        """Map points (x, y) of the specimen at rest to the straight reference beam."""
         places = np.asarray(places_mm, float)
         if self.is_straight:
             return places
@@ -148,10 +138,8 @@ class Strip:
         return s, across
 
     def _lines_across(self, s: Array) -> tuple[Array, Array]:
-        """Return the distances of the magnet's side and the beam's side from the centre line, in mm.
-
-        The first result, (2, 1), is for the straight reference beam, the second, (2, n), for the specimen at rest.
-        """
+        """Return the distances of the magnet's side and the beam's side from the centre line, in mm."""
+        # First those in the straight reference beam, (2, 1), then those in the specimen at rest, (2, n).
         magnet = self.straight.magnet
         core = 0.5 * magnet.width_mm if magnet else 0.0
         return self._lines(s, self.width_mm, 0.5 * self.straight.width_mm, core)
@@ -165,17 +153,13 @@ class Strip:
         return np.array([[core], [half]]), np.stack([inner, ends])
 
     def z_at_rest_mm(self, s: Array, z: Array) -> Array:
-        """Return the z coordinates of n points in the specimen at rest, (n,) in mm.
-
-        s: arc lengths from the clamp in mm, (n,). z: z coordinates in the straight reference beam, (n,).
-        """
+        """Convert z coordinates of the straight reference beam to those of the specimen at rest."""
+        # ``s`` (n,): arc lengths from the clamp in mm.
         return _rescaled(z, *self._lines_in_depth(s)) if self._depths else z
 
     def straight_z_mm(self, s: Array, z: Array) -> Array:
-        """Convert the z coordinates of n points from the real specimen to the straight reference beam, (n,) in mm.
-
-        s: arc lengths from the clamp in mm, (n,). z: z coordinates in the specimen at rest, (n,).
-        """
+        """Convert z coordinates of the specimen at rest to those of the straight reference beam."""
+        # ``s`` (n,): arc lengths from the clamp in mm.
         return _rescaled(z, *self._lines_in_depth(s)[::-1]) if self._depths else z
 
     def _lines_in_depth(self, s: Array) -> tuple[Array, Array]:
@@ -184,19 +168,15 @@ class Strip:
         return self._lines(s, self.depth_mm, 0.5 * self.straight.depth_mm, core)
 
     def thickness(self, s: Array) -> Array | None:
-        """Return the depth of the beam, divided by that of the reference beam, at n arc lengths, (n,).
-
-        The result is None if the depth is constant.
-        """
+        """Return the depth of the beam, divided by that of the reference beam, at arc lengths from the clamp."""
+        # None if the depth is constant.
         return self.depth_mm(s) / self.straight.depth_mm if self._depths else None
 
 
 def _rescaled(value: Array, before: Array, after: Array) -> Array:
-    """Map n distances from the middle of one beam to those in another beam, (n,) in mm.
-
-    The map is linear inside the magnet and beside it. before, after: distances of the side of the magnet and of the
-    side of the beam from the middle, in the one beam and in the other beam.
-    """
+    """Map distances from the middle of one beam to those in another beam, linearly inside the magnet and beside it."""
+    # ``before``, ``after``: distances of the side of the magnet and of the side of the beam from the middle, in the one
+    # beam and in the other beam.
     size = np.abs(value)
     (inner, outer), (new_inner, new_outer) = before, after
     beyond = new_inner + (size - inner) * (new_outer - new_inner) / (outer - inner)
@@ -204,10 +184,8 @@ def _rescaled(value: Array, before: Array, after: Array) -> Array:
 
 
 def _without_steps(rows: Rows, length_mm: float, magnet_mm: tuple[float, float]) -> Rows:
-    """Return a table of the width or depth (rows of fraction and value) with a ramp in place of every step.
-
-    magnet_mm: distances of the magnet's faces from the clamp.
-    """
+    """Replace every step in a table of the width or depth by a ramp."""
+    # ``rows``: fractions of the length and values. ``magnet_mm``: distances of the magnet's faces from the clamp.
     ramped = list(rows)
     for i, ((share, before), (other, after)) in enumerate(pairwise(rows)):
         if other > share:

@@ -24,7 +24,7 @@ _LOWER = np.tril_indices(3)
 
 
 class Solution(NamedTuple):
-    """The solution of the linear systems of B candidate laws."""
+    """The solution of the linear systems of all candidate laws."""
 
     # (B, n): changes of the n unknown displacements of nodes, in mm.
     nodes: Array
@@ -37,21 +37,12 @@ class Solution(NamedTuple):
 
 
 class System:
-    """The assembly and solution of the linear equations of a Newton step on a mesh.
-
-    Parameters
-    ----------
-    dofs : ndarray of int, shape (E, d)
-        Indices of the d unknowns of each of E elements; -1 if an unknown is fixed or belongs to the magnet.
-    n : int
-        Number of unknowns of the nodes.
-    tied : ndarray of int or None
-        The elements with nodes on the magnet.
-    at_once : int or None
-        Number of elements whose matrices are in memory at a time; None: all elements.
-    """
+    """The assembly and solution of the linear equations of a Newton step on a mesh."""
 
     def __init__(self, dofs: Indices, n: int, tied: Indices | None, at_once: int | None = None) -> None:
+        # ``dofs`` (E, d): indices of the d unknowns of each of E elements; -1 if an unknown is fixed or belongs to the
+        # magnet. ``n``: number of unknowns of the nodes. ``tied``: the elements with nodes on the magnet. ``at_once``:
+        # number of elements whose matrices are in memory at a time; None: all elements.
         self.n = n
         self._tied = tied
         self._in_band = False
@@ -72,7 +63,8 @@ class System:
         self._assembly = BandAssembly(dofs, n + 3 if self._in_band else n, at_once)
 
     def assembled(self, force: Array) -> Array:
-        """Return the forces on n unknowns of the mesh, (B, n): the sum of the forces of E elements, (E, B, d)."""
+        """Assemble the forces on the mesh from the forces of its elements."""
+        # (E, B, d) gives (B, n).
         return self._assembly.vector(force)[:, : self.n]
 
     def solve(
@@ -85,20 +77,20 @@ class System:
         symmetric: bool,
         only_definite: bool = False,
     ) -> Solution:
-        """Assemble the stiffness K and the forces f of the elements, and solve K x = right - f for B candidate laws.
+        """Assemble the stiffness K and the forces f of the elements, and solve K x = right - f for all candidate laws.
 
         Parameters
         ----------
         stiffness : ndarray, shape (E, B, d, d), or iterable of ndarrays
-            The matrices of E elements with d unknowns each, all together or in the groups of `BandAssembly`.
+            The matrices of E elements with d unknowns each, for B candidates, all together or in the groups of
+            `BandAssembly`.
         force : ndarray, shape (E, B, d)
             Forces of the elements.
         right : ndarray, shape (B, n) or (1, n)
             Right-hand side for the n unknowns of the nodes.
         body : tuple of three ndarrays, or None
-            Three arrays for the rigid magnet, whose motion has three unknowns: the derivatives, by this motion, of the
-            unknowns of the H elements at the magnet, (H, B, d, 3); the stiffness of the magnet, (B, 3, 3); the loads
-            on the magnet, (B, 3) or (1, 3).
+            For the rigid magnet: derivatives of the unknowns of the H elements at the magnet with respect to its
+            motion, (H, B, d, 3); its stiffness, (B, 3, 3); the loads on it, (B, 3) or (1, 3).
         sound : ndarray of bool, shape (B,)
             True for the candidates that are solved.
         symmetric : bool
@@ -158,19 +150,17 @@ class System:
             yield matrices
 
     def _body_coupling(self, rows: Array) -> Array:
-        """Return the stiffness between the magnet and m unknowns of the nodes around it, (B, 3, m).
-
-        rows: the contributions of H elements with d unknowns to B systems, (H, B, 3, d).
-        """
+        """Return the stiffness between the magnet and the nodes around it."""
+        # ``rows`` (H, B, 3, d): the contributions of H elements with d unknowns. The result is (B, 3, m) for m unknowns
+        # of the nodes.
         e, b, _, d = rows.shape
         total = self._gather @ rows.transpose(0, 3, 1, 2).reshape(e * d, b * 3)
         return np.ascontiguousarray(total.T).reshape(b, 3, -1)
 
     def _with_body(self, band: Array, rows: Array, corner: Array) -> Array:
-        """Write the stiffness of the magnet into the lower band of the system matrix; return the band.
-
-        rows: stiffness between the magnet and m unknowns of nodes, (B, 3, m). corner: that of the magnet, (B, 3, 3).
-        """
+        """Write the stiffness of the magnet into the lower band of the system matrix; return the band."""
+        # ``rows`` (B, 3, m): stiffness between the magnet and m unknowns of nodes. ``corner`` (B, 3, 3): that of the
+        # magnet.
         flat = band.reshape(len(band), -1)
         flat[:, self._row_places] = rows.reshape(len(rows), -1)
         flat[:, self._corner_places] = corner[:, _LOWER[0], _LOWER[1]]
@@ -192,11 +182,8 @@ class System:
 
 
 def structure_of(dofs: Indices, n: int, tied: Indices | None, at_once: int | None = None) -> System:
-    """Return the object that assembles and solves the linear equations of a mesh.
-
-    dofs: indices of the d unknowns of each of E elements, (E, d); -1 for none. n: number of unknowns of the nodes.
-    tied: indices of the elements at the magnet. at_once: number of elements in memory at a time.
-    """
+    """Return the object that assembles and solves the linear equations of a mesh."""
+    # The arguments are those of `System`. Equal meshes share one object.
     if at_once is not None:
         return System(dofs, n, tied, at_once)
     return _shared_structure(dofs.tobytes(), dofs.shape, n, None if tied is None else tied.tobytes())
@@ -209,26 +196,14 @@ def _shared_structure(dofs: bytes, shape: tuple[int, ...], n: int, tied: bytes |
 
 
 class FactoredSystem:
-    """The factorised linear systems of B candidate laws, which can be solved for many right-hand sides.
+    """The factorised linear systems of all candidate laws, which can be solved for many right-hand sides."""
 
-    Parameters
-    ----------
-    structure : System
-        The assembly of the element matrices.
-    stiffness : ndarray, shape (E, B, d, d)
-        Symmetric matrices of E elements with d unknowns each.
-    body : tuple of two ndarrays, or None
-        First, how the d unknowns of the H elements that touch the magnet follow its motion, (H, B, d, 3): derivatives
-        by the motion. Second, the stiffness of the magnet against this motion due to loads, (B, 3, 3). None without a
-        magnet.
-
-    Attributes
-    ----------
-    sound : ndarray of bool, shape (B,)
-        Whether the matrix is positive definite.
-    """
+    # ``sound`` (B,): whether the matrix is positive definite.
 
     def __init__(self, structure: System, stiffness: Array, body: tuple[Array, Array] | None) -> None:
+        # ``stiffness`` (E, B, d, d): symmetric matrices of E elements with d unknowns each. ``body``: derivatives of
+        # the unknowns of the H elements at the magnet with respect to its motion, (H, B, d, 3), and the stiffness of
+        # the magnet due to loads, (B, 3, 3); None without a magnet.
         self._structure, self._body = structure, body
         batch = stiffness.shape[1]
         band = structure._assembly.matrix(structure._assembly.divided(stiffness))
@@ -252,11 +227,9 @@ class FactoredSystem:
             self._schur = np.where(self.sound[:, None, None], schur, np.eye(3))
 
     def solve(self, nodes: Array, body: Array) -> tuple[Array, Array]:
-        """Solve the system for m right-hand sides and B candidate laws.
-
-        nodes, body: the right-hand sides of the n unknowns of the nodes, (m, B, n), and of the three of the rigid
-        magnet, (m, B, 3). The solutions have the same shapes.
-        """
+        """Solve the systems for several right-hand sides."""
+        # ``nodes`` (m, B, n) and ``body`` (m, B, 3): the right-hand sides of the nodes and of the rigid magnet, as the
+        # results.
         structure = self._structure
         if self._body is None:
             return self._factor.solve(nodes), np.zeros_like(body)

@@ -37,10 +37,9 @@ class NotSolved(Exception):
 
 @dataclass
 class _State:
-    """The motion of the beam at one time: displacements, velocities, accelerations and stresses.
+    """The motion of the beam at one time: displacements, velocities, accelerations and stresses."""
 
-    Arrays of the N nodes have the shape (N, 2). Two point masses (``points``, (2, 2)) stand for the magnet.
-    """
+    # Arrays of the N nodes have the shape (N, 2). Two point masses (``points``, (2, 2)) stand for the magnet.
 
     nodes: Array
     node_velocity: Array
@@ -55,7 +54,7 @@ class _State:
 
 
 class Transient:
-    """The motion of a beam in time for one candidate law, under loads that change from time step to time step.
+    """The motion of a beam in time, under loads that change from time step to time step.
 
     The beam starts at rest in the equilibrium under ``loads``.
 
@@ -120,11 +119,12 @@ class Transient:
 
     @property
     def rigid(self) -> Array:
-        """Present translation (x, y) of the magnet in mm and its rotation in rad, shape (3,)."""
+        """Present translation (x, y) of the magnet in mm and its rotation in rad."""
         return self._state.rigid
 
     def shapes(self) -> Shapes:
-        """Return the present shape of the beam, as `Shapes` of one candidate law in one load state."""
+        """Return the present shape of the beam."""
+        # One candidate law in one load state.
         rest = self._solid.rest(1)
         now = replace(rest, displacement=self._state.nodes[None], rigid=self._state.rigid[None])
         one = np.ones((1, 1))
@@ -215,11 +215,9 @@ class Transient:
         inertia: float,
         rigid: Array,
     ) -> tuple[Array, Array]:
-        """Return the changes of the nodes' displacements, (N, 2), and of the magnet's motion, (3,), in one iteration.
-
-        remembered: stress to add to that of ``ev``. node_accelerations, point_accelerations: of the nodes, (N, 2), and
-        of two point masses that stand for the magnet, (2, 2). rigid: motion of the magnet, (3,).
-        """
+        """Compute one iteration of Newton's method; return the changes of the nodes and of the magnet's motion."""
+        # ``remembered``: stress to add to that of ``ev``. ``node_accelerations`` (N, 2) and ``point_accelerations`` (2,
+        # 2): of the nodes, and of two point masses that stand for the magnet. ``rigid`` (3,): motion of the magnet.
         solid, masses = self._solid, self._inertia.of_elements
         e = len(solid.mesh.elements)
         K = element.stiffness(solid.ops, ev, ev.S + remembered)
@@ -262,10 +260,8 @@ class Transient:
         accelerations: object,
         with_inertia: bool,
     ) -> None:
-        """Compute velocities, accelerations and stresses at the end of a time step, and store them.
-
-        nodes, rigid: displacements of the nodes, (N, 2), and of the magnet, (3,).
-        """
+        """Compute velocities, accelerations and stresses at the end of a time step, and store them."""
+        # ``nodes`` (N, 2) and ``rigid`` (3,): displacements of the nodes and of the magnet.
         old = self._state
         # The moduli of ``batch`` are those of the instantaneous law multiplied by ``stiffness``.
         elastic = self._evaluated(batch, nodes[None]).S / stiffness
@@ -285,7 +281,8 @@ class Transient:
         self.time_s += step_s
 
     def _with_tied(self, nodes: Array, rigid: Array) -> Array:
-        """Return the displacements of all N nodes, with the magnet's nodes moved rigidly, (N, 2) in mm."""
+        """Move the magnet's nodes rigidly with the magnet."""
+        # ``nodes`` (N, 2): displacements in mm, as the result.
         carried = nodes[None].copy()
         if self._solid.body:
             self._solid.body.carry(carried, rigid[None])
@@ -300,24 +297,21 @@ class Transient:
         return element.evaluate(self._solid.ops, batch, nodal, np.zeros((len(nodal), 1, 3)))
 
     def _point_arms(self, rigid: Array, derivative: int) -> Array:
-        """Return the vectors (x, y) from the magnet's reference point to two point masses in it, (2, 2) in mm.
-
-        rigid: motion of the magnet, (3,). derivative: order of the derivative by the rotation.
-        """
+        """Return the vectors (x, y) from the magnet's reference point to two point masses in it."""
+        # ``rigid`` (3,): motion of the magnet. ``derivative``: order of the derivative by the rotation. The result is
+        # (2, 2) in mm.
         angle = rigid[2] + 0.5 * np.pi * derivative
         c, s = np.cos(angle), np.sin(angle)
         return self._arms @ np.array([[c, s], [-s, c]])
 
     def _point_displacements(self, rigid: Array) -> Array:
-        """Return the displacements (x, y) of two point masses that stand for the magnet, (2, 2) in mm."""
+        """Return the displacements (x, y) of two point masses that stand for the magnet, in mm."""
         return np.asarray(rigid[:2] + self._point_arms(rigid, 0) - self._arms)
 
 
 def _force_of_stress(ops: element.Operators, F: Array, stress: Array) -> Array:
-    """Return the nodal forces of E elements, (E, B, 2, 9), due to a stress at q Gauss points, (3, E, B, q).
-
-    F: deformation gradient, (2, 2, E, B, q).
-    """
+    """Return the nodal forces of elements due to a stress at their Gauss points."""
+    # ``F`` (2, 2, E, B, q): deformation gradient. ``stress``: (3, E, B, q). The result is (E, B, 2, 9).
     s11, s22, s12 = stress
     (f11, f12), (f21, f22) = F
     n, b = s11.shape[:2]

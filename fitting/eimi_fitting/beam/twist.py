@@ -33,10 +33,8 @@ def torsion_constant_mm4(width_mm: float, depth_mm: float) -> float:
 
 
 def weight_beyond_kg(specimen: Specimen, along_mm: Array) -> Array:
-    """Return the mass in kg of the part of a specimen beyond each of S cross-sections, toward the tip, (S,).
-
-    along_mm: distances of the cross-sections from the clamp in mm, between the clamp and the magnet.
-    """
+    """Return the mass in kg of the part of a specimen beyond each cross-section, toward the tip."""
+    # ``along_mm`` (S,): distances of S cross-sections from the clamp, between the clamp and the magnet.
     area_mm2, density = specimen.width_mm * specimen.depth_mm, 1e-9 * specimen.density_kg_m3
     mass = density * area_mm2 * np.maximum(specimen.length_mm - along_mm, 0.0)
     if magnet := specimen.magnet:
@@ -53,7 +51,7 @@ def twist_per_tilt(
     out_of_plane_N_m2: float,
     torsion_N_m2: float,
 ) -> Array:
-    """Return the twist of a beam divided by the angle between magnetisation and plane, at S cross-sections, (K, S).
+    """Return the twist of a beam along its length, divided by the angle between magnetisation and plane.
 
     Parameters
     ----------
@@ -68,6 +66,11 @@ def twist_per_tilt(
         plane: m_0 z × B with the magnetic moment m_0, the normal z of the plane, and the field B.
     out_of_plane_N_m2, torsion_N_m2 : float
         Stiffness against bending out of the plane, and torsional stiffness, in N m².
+
+    Returns
+    -------
+    ndarray, shape (K, S)
+        The twist at each cross-section.
     """
     # A prime is the derivative by the arc length, and × is the vector product. omega is the small rotation of a
     # cross-section about axes in the plane, t the tangent of the middle line, n its normal in the plane, z the normal
@@ -105,10 +108,8 @@ def twist_per_tilt(
 
 
 def _at_stations(between: Array) -> Array:
-    """Return the unit tangents of the middle line at S cross-sections in K load states, (K, S, 2).
-
-    between: the tangents between neighbouring cross-sections, (K, S - 1, 2).
-    """
+    """Interpolate the tangents of the middle line from the intervals between cross-sections to the cross-sections."""
+    # (K, S - 1, 2) gives (K, S, 2).
     first = 1.5 * between[:, :1] - 0.5 * between[:, 1:2]
     last = 1.5 * between[:, -1:] - 0.5 * between[:, -2:-1]
     return np.concatenate([first, 0.5 * (between[:, 1:] + between[:, :-1]), last], axis=1)

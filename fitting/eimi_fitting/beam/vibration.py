@@ -1,4 +1,4 @@
-"""Small vibrations of a beam about a static equilibrium, as sums of a few shapes.
+"""Small vibrations of a beam about a static equilibrium, as sums of a few modes.
 
 A vibration v exp(s t) with the shape v and the complex rate s satisfies (r(s) K_m + K_g + s² M) v = 0. K_m is the
 stiffness due to the tangent of the law, K_g the stiffness due to stresses and loads, M the mass matrix, and r the
@@ -37,24 +37,19 @@ _TOLERANCE_MM = 1e-5
 class Vibration:
     """The small vibrations of a specimen about its equilibria, for any number of candidate laws.
 
-    Parameters
-    ----------
-    model : BeamModel or SolidModel
-        The model of the specimen.
-    tip_mass_kg : float
-        A point mass at the point where a tip force acts.
-    hangs_along : ndarray, shape (2,), or None
-        Direction (unit vector) of a thread on which the point mass hangs; None if it is fixed to the beam.
-
     Raises
     ------
     ValueError
         The specimen has a face under pressure.
     """
 
+    # B candidate laws; E elements with u displacements each, of which H are at the magnet; N nodes with n unknowns.
+
     def __init__(
         self, model: BeamModel | SolidModel, tip_mass_kg: float = 0.0, hangs_along: Array | None = None
     ) -> None:
+        # ``tip_mass_kg``: a point mass at the point where a tip force acts. ``hangs_along`` (2,): direction (unit
+        # vector) of a thread on which the point mass hangs; None if it is fixed to the beam.
         if model.specimen.pressure_face is not None:
             raise ValueError(
                 "the specimen has a pressure_face, but vibrations under a pressure are not computed: leave out "
@@ -77,7 +72,7 @@ class Vibration:
         shapes: int = 4,
         stiffenings: Sequence[float] = (1.0,),
     ) -> tuple[ReducedMotion, Configuration]:
-        """Return the stiffness and mass matrices of a beam in m shapes of motion, and its equilibria.
+        """Find the equilibria of a beam, and its stiffness and mass for small motions about them.
 
         Parameters
         ----------
@@ -90,8 +85,8 @@ class Vibration:
         field_factor : ndarray, shape (B,), or None
             Factor on the magnetic loads.
         basis : tuple of ndarray, or None
-            Displacements of N nodes, (m, N, d), and motion of the magnet, (m, 3), in each shape. None: the shapes are
-            undamped modes, computed for several ratios of the dynamic to the static modulus.
+            Displacements of N nodes, (m, N, d), and motion of the magnet, (m, 3), in each of m shapes of motion. None:
+            the shapes are undamped modes, computed for several ratios of the dynamic to the static modulus.
         shapes : int
             Number of undamped modes for each ratio.
         stiffenings : sequence of float
@@ -113,11 +108,8 @@ class Vibration:
         shapes: int = 4,
         stiffenings: Sequence[float] = (1.0,),
     ) -> ReducedMotion:
-        """Return the stiffness and mass matrices of m shapes of motion about the equilibria ``now``.
-
-        basis: displacements of N nodes, (m, N, d), and motion of the magnet, (m, 3); None: the lowest undamped modes
-        for each ratio (dynamic to static modulus) in ``stiffenings``, of which there are `shapes` for each ratio.
-        """
+        """Return the stiffness and mass for small motions about given equilibria."""
+        # The arguments are those of `about`; ``now``: the equilibria.
         b = len(now.rigid)
         batch, factor = chosen.take(np.arange(b))
         on_mesh = loads.on(self.model.loaded)(loads.state(0), factor)
@@ -151,11 +143,9 @@ class Vibration:
     def _modes(
         self, factored: FactoredSystem, stiffness: Array, tie: Array | None, body_rest: Array, now: Configuration
     ) -> tuple[Array, Array]:
-        """Return the lowest m undamped modes of B candidate laws, scaled to unit mass, (m, B, n) and (m, B, 3).
-
-        The first result has n unknowns of the nodes, the second the motion of the magnet. stiffness: of E elements, (E,
-        B, u, u). tie: derivatives of the displacements of the H elements at the magnet by its motion, (H, B, u, 3).
-        """
+        """Return the lowest undamped modes of all candidate laws, scaled to unit mass."""
+        # The results: the nodes (m, B, n) and the magnet (m, B, 3) in m modes. ``stiffness``: (E, B, u, u). ``tie`` (H,
+        # B, u, 3): derivatives of the displacements of the elements at the magnet with respect to its motion.
         b, places = len(now.rigid), self.model.mesh.nodes
         along = 2 * places[:, 0] / np.ptp(places[:, 0]) - 1
         across = _SHAPES - 2
@@ -187,11 +177,9 @@ class Vibration:
         return free, rigid
 
     def _local(self, free: Array, rigid: Array, tie: Array | None) -> Array:
-        """Return the u displacements of each of E elements in m shapes for B candidate laws, (m, E, B, u) in mm.
-
-        free: n unknowns of the nodes, (m, B, n). rigid: motion of the magnet, (m, B, 3). tie: derivatives of the
-        displacements of the H elements at the magnet by its motion, (H, B, u, 3).
-        """
+        """Return the displacements of each element in several shapes of motion."""
+        # ``free`` (m, B, n), ``rigid`` (m, B, 3): the nodes and the magnet in m shapes. ``tie``: as in `_modes`. The
+        # result is (m, E, B, u) in mm.
         solid = self._solid
         m, b = free.shape[:2]
         flat = np.zeros((m * b, solid.mesh.nodes.size))
@@ -217,11 +205,9 @@ class Vibration:
         return nodal
 
     def _mass(self, local: Array, free: Array, rigid: Array, now: Configuration) -> Array:
-        """Return the mass matrices of m shapes for B candidate laws, (B, m, m).
-
-        local: displacements of E elements, (m, E, B, u). free: n unknowns of the nodes, (m, B, n). rigid: motion of the
-        magnet, (m, B, 3). now: the equilibria.
-        """
+        """Return the mass matrices of several shapes of motion."""
+        # ``local`` (m, E, B, u): displacements of the elements. ``free``, ``rigid``: as in `_local`. ``now``: the
+        # equilibria. The result is (B, m, m).
         m, e, b, u = local.shape
         d = self._solid.dimensions
         by_direction = local.reshape(m, e, b, d, u // d)
@@ -234,17 +220,13 @@ class Vibration:
         return np.asarray(mass)
 
     def _at_point(self, nodal: Array) -> Array:
-        """Return the displacement (x, y) of the point mass in each of m shapes, (m, B, 2).
-
-        nodal: displacements of N nodes for B candidate laws, (m, B, N, d).
-        """
+        """Return the displacement (x, y) of the point mass in each shape of motion."""
+        # ``nodal`` (m, B, N, d): displacements of the nodes. The result is (m, B, 2).
         return np.einsum("mbni,n,ij->mbj", nodal[..., :2], self.inertia.point_shares, self._moves_along)
 
     def _times_mass(self, free: Array, rigid: Array, tie: Array | None, now: Configuration) -> tuple[Array, Array]:
-        """Return the mass matrix times m shapes: n unknowns of the nodes, (m, B, n), and the magnet, (m, B, 3).
-
-        free, rigid: the shapes. tie: derivatives of the displacements of elements at the magnet by its motion.
-        """
+        """Multiply the mass matrix by several shapes of motion."""
+        # ``free``, ``rigid``: as in `_local`, and as the results. ``tie``: as in `_modes`.
         local = self._local(free, rigid, tie)
         m, e, b, u = local.shape
         d = self._solid.dimensions
@@ -263,7 +245,8 @@ class Vibration:
 
 
 def _symmetric_modes(stiffness: Array, mass: Array) -> tuple[Array, Array]:
-    """Return the eigenvalues, (B, m), and eigenvectors, (B, m, m), of a stiffness and a mass matrix, (B, m, m)."""
+    """Return the eigenvalues and eigenvectors of a stiffness and a mass matrix."""
+    # (B, m, m) gives (B, m) and (B, m, m).
     small = 1e-13 * np.eye(mass.shape[-1])
     factor = np.linalg.cholesky(mass + small)
     inverse = np.linalg.inv(factor)
@@ -272,11 +255,9 @@ def _symmetric_modes(stiffness: Array, mass: Array) -> tuple[Array, Array]:
 
 
 def _quadratic(local: Array, matrices: Array) -> Array:
-    """Return a matrix (such as mass) in the coordinates of m mode shapes, (B, m, m), for B candidate laws.
-
-    local: the u displacements of E elements in each mode shape, (m, E, B, u). matrices: the matrices of the elements,
-    (E, B, u, u).
-    """
+    """Return the matrix of the whole mesh, such as the mass, in the coordinates of a few modes."""
+    # ``local`` (m, E, B, u): displacements of the elements in each mode. ``matrices`` (E, B, u, u): those of the
+    # elements. The result is (B, m, m).
     turned = np.ascontiguousarray(local.transpose(1, 2, 0, 3))  # (E, B, m, u)
     return np.asarray(np.matmul(np.matmul(turned, matrices), turned.swapaxes(-1, -2)).sum(axis=0))
 
@@ -284,18 +265,12 @@ def _quadratic(local: Array, matrices: Array) -> Array:
 def _tangents(
     solid: Solid, batch: Any, loads: SolidLoads, now: Configuration
 ) -> tuple[Array, Array, Array | None, Array]:
-    """Return the parts of the stiffness against small motions about an equilibrium, for B candidate laws.
-
-    Returns
-    -------
-    material, rest : ndarray, shapes (E, B, u, u)
-        The stiffness due to the tangent of the law, and that due to stresses and loads, for E elements with u
-        displacements each.
-    tie : ndarray, shape (H, B, u, 3), or None
-        Derivatives of the displacements of the H elements at the magnet by its motion.
-    body_rest : ndarray, shape (B, 3, 3)
-        The stiffness of the magnet due to the loads on it.
-    """
+    """Return the stiffness against small motions about an equilibrium, in several parts."""
+    # ``material``, ``rest`` (E, B, u, u): the stiffness due to the tangent of the law, and that due to stresses and
+    # loads.
+    # ``tie`` (H, B, u, 3), or None: derivatives of the displacements of the elements at the magnet with respect to its
+    # motion.
+    # ``body_rest`` (B, 3, 3): the stiffness of the magnet due to the loads on it.
     kind, ops = solid.kind, solid.ops
     b, e = len(now.rigid), len(solid.mesh.elements)
     nodal = solid.by_element(now.displacement)

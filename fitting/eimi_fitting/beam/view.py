@@ -35,10 +35,9 @@ class View:
     ruler_mm: Array | None = None
 
     def seen(self, places_mm: Array) -> Array:
-        """Return the positions of points in the image, (..., 2) in mm from the clamp.
-
-        places_mm: coordinates (x, y, z) in mm, (..., 3); z points away from the camera, with z = 0 at mid-depth.
-        """
+        """Return the positions of points in the image in mm from the clamp."""
+        # ``places_mm`` (..., 3): coordinates (x, y, z); z points away from the camera, with z = 0 at mid-depth. The
+        # result is (..., 2).
         if not any(self.tilt_deg):
             scale = self.stand_off_mm / (self.stand_off_mm + places_mm[..., 2:])
             return self.centre_mm + scale * (places_mm[..., :2] - self.centre_mm)
@@ -53,7 +52,8 @@ class View:
         return np.asarray(appear @ turned)
 
     def _tilted(self, places_mm: Array) -> Array:
-        """Project points (x, y, z) of a tilted beam into the image, (..., 2) in mm from the axis of the lens."""
+        """Project points (x, y, z) of a tilted beam into the image."""
+        # The result (..., 2) is in mm from the axis of the lens.
         slope = np.radians(self.tilt_deg)
         angle = float(np.hypot(*slope))
         toward = slope / angle

@@ -20,23 +20,15 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Rows:
-    """N linear equations for J coefficients of a law and q errors of inputs, such as a width (nuisances).
+    """N linear equations for J coefficients of a law and q errors of inputs, such as a width (nuisances)."""
 
-    Parameters
-    ----------
-    observed : array, shape (N,)
-        Measured values, in units of the noise.
-    columns : array, shape (N, J)
-        Change of each value for a coefficient of 1 Pa.
-    nuisances : array, shape (N, q)
-        Change of each value for an input error of one standard uncertainty.
-    groups : array of int, shape (N,)
-        Group of each equation; cross-validation leaves out whole groups.
-    """
-
+    # (N,): measured values, in units of the noise.
     observed: Array
+    # (N, J): change of each value for a coefficient of 1 Pa.
     columns: Array
+    # (N, q): change of each value for an input error of one standard uncertainty.
     nuisances: Array
+    # (N,): group of each equation; cross-validation leaves out whole groups.
     groups: NDArray[np.intp]
 
     def with_noise_times(self, factor: float) -> Rows:

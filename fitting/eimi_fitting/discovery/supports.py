@@ -45,30 +45,21 @@ _STANDARD_ERRORS = 1.5
 
 @dataclass(frozen=True)
 class Support:
-    """A set of k terms of a hyperelastic law, fitted to N equations by least squares.
+    """A set of k terms of a hyperelastic law, fitted to N equations by least squares."""
 
-    Parameters
-    ----------
-    terms : tuple of int
-        Indices of the terms in the library.
-    coefficients, standard_errors : array, shape (k,)
-        Coefficients and their standard errors, Pa, if the law has exactly these terms.
-    amplitudes : array, shape (q,)
-        Errors of q inputs, such as a width, in standard uncertainties.
-    prediction_errors : array, shape (N,)
-        Error of each equation in the cross-validation, in units of the noise.
-    excess : float
-        Sum of the squared prediction errors, minus the smallest such sum of all sets.
-    excess_error : float
-        Standard error of ``excess``.
-    """
-
+    # Indices of the terms in the library.
     terms: tuple[int, ...]
+    # `coefficients`, `standard_errors` (k,): coefficients and their standard errors, Pa, if the law has exactly these
+    # terms.
     coefficients: Array
     standard_errors: Array
+    # (q,): errors of q inputs, such as a width, in standard uncertainties.
     amplitudes: Array
+    # (N,): error of each equation in the cross-validation, in units of the noise.
     prediction_errors: Array
+    # Sum of the squared prediction errors, minus the smallest such sum of all sets.
     excess: float = 0.0
+    # Standard error of ``excess``.
     excess_error: float = 0.0
 
     @property

@@ -37,29 +37,19 @@ _NOISE_ALONE = 1.5  # a held-out error above this cannot be noise alone
 
 @dataclass(frozen=True)
 class Alternative:
-    """A hyperelastic law of k terms that agrees with the data.
+    """A hyperelastic law of k terms that agrees with the data."""
 
-    Parameters
-    ----------
-    terms : tuple of Term
-        The k terms.
-    coefficients : array, shape (k,)
-        Coefficients, Pa, if the law has exactly these terms.
-    intervals : array, shape (k, 2)
-        95 % intervals of the coefficients, Pa.
-    initial_shear_modulus_Pa : float
-        Initial shear modulus, Pa.
-    held_out_error : float
-        Root mean square prediction error of the cross-validation, in units of the noise.
-    stable_to : float or None
-        Largest stretch up to which the law is stable; None if the law is stable at all checked stretches.
-    """
-
+    # The k terms.
     terms: tuple[Term, ...]
+    # (k,): coefficients, Pa, if the law has exactly these terms.
     coefficients: Array
+    # (k, 2): 95 % intervals of the coefficients, Pa.
     intervals: Array
+    # Initial shear modulus, Pa.
     initial_shear_modulus_Pa: float
+    # Root mean square prediction error of the cross-validation, in units of the noise.
     held_out_error: float
+    # Largest stretch up to which the law is stable; None if the law is stable at all checked stretches.
     stable_to: float | None
 
 
