@@ -127,8 +127,6 @@ class CoilShape:
         """Return the complex ratio of the field at several points to that at a reference point, with derivatives."""
         # ``points_mm`` (B, 2), ``rest_mm`` (2,): the points and the reference point (x, y). The result: the ratio (B,),
         # its first derivatives (B, 2) in 1/mm, and its second derivatives (B, 2, 2) in 1/mm².
-        # ``points_mm`` (B, 2), ``rest_mm`` (2,): the points and the reference point (x, y). The result: the ratio (B,),
-        # its first derivatives (B, 2) in 1/mm, and its second derivatives (B, 2, 2) in 1/mm².
         values = np.zeros((6, len(points_mm)), complex)
         values[0] = 1.0
         if self.table:

@@ -61,8 +61,6 @@ class FollowerPressure:
         """Subtract the nodal forces of a pressure and their derivative from ``force`` and ``stiffness``, in place."""
         # ``pressure`` (B,) or (1,): in N/mm² for B candidate laws. ``nodal`` (E, B, 18): displacements in mm.
         # ``force``: (E, B, 18). ``stiffness``: (E, B, 18, 18).
-        # ``pressure`` (B,) or (1,): in N/mm² for B candidate laws. ``nodal`` (E, B, 18): displacements in mm.
-        # ``force``: (E, B, 18). ``stiffness``: (E, B, 18, 18).
         tangent = pressure[:, None, None] * self.operator[:, None]  # (F, B, 18, 18)
         place = self._rest + nodal[self.elements]
         force[self.elements] -= np.matmul(tangent, place[..., None])[..., 0]

@@ -46,8 +46,6 @@ class LoadCurve:
         """Interpolate the moment of the loads between static solutions in a nominal and in a stronger field."""
         # ``nominal``, ``stronger``: rotations of the tip and moments. The stronger field is ``factor`` times the
         # nominal one; the difference gives the part of the moment that is due to the field.
-        # ``nominal``, ``stronger``: rotations of the tip and moments. The stronger field is ``factor`` times the
-        # nominal one; the difference gives the part of the moment that is due to the field.
         spline = _spline(*nominal)
         even = np.linspace(nominal[0].min(), nominal[0].max(), _NODES)
         moment = spline(even)
