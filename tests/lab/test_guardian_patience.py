@@ -499,7 +499,12 @@ def test_the_program_of_the_guardian_reads_its_supply_and_prints_its_events(
 
     monkeypatch.setattr(guardian_process, "stand_guard", stand)
     monkeypatch.setattr(guardian_process, "unpack", lambda name, packed: unpacked.append((name, packed)))
-    monkeypatch.setattr(guardian_process, "log_to_stderr", lambda level: None)
+    levels: list[str] = []
+    monkeypatch.setattr(guardian_process, "log_to_stderr", levels.append)
+    monkeypatch.setenv(guardian_process.VARIABLE, "debug")
     guardian_process.main(json.dumps(asdict(WARD)))
+    monkeypatch.delenv(guardian_process.VARIABLE)
     assert capfd.readouterr().err == "eimi guardian: warning: a remark\n"
     assert unpacked == [(WARD.driver, WARD.packed)]
+    guardian_process.main(json.dumps(asdict(WARD)))
+    assert levels == ["debug", ""]

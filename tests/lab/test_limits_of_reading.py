@@ -82,13 +82,14 @@ def test_macos_has_half_of_its_installed_memory(
 
     def ask(name: bytes, value: Any, length: Any, new: object, new_length: int) -> int:
         assert (name, length._obj.value, new, new_length) == (b"hw.memsize", 8, None, 0)
-        value._obj.value = 16 << 30
+        value._obj.value = (16 << 30) + 1
         return status
 
     monkeypatch.setattr(sys, "platform", "darwin")
     monkeypatch.setattr(ctypes, "CDLL", lambda name: SimpleNamespace(sysctlbyname=ask))
     monkeypatch.setattr(os, "sysconf", {"SC_AVPHYS_PAGES": 0, "SC_PAGE_SIZE": 4096}.__getitem__)
     assert limits.free_memory_bytes() == free
+    assert isinstance(limits.free_memory_bytes(), int)
 
 
 def test_a_quarter_of_the_free_memory_is_allowed(monkeypatch: pytest.MonkeyPatch) -> None:

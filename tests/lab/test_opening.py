@@ -194,6 +194,57 @@ def test_the_camera_is_opened_after_the_coil_with_the_limits_of_the_protocol(
     assert events == [Warned(message="camera does not answer")]
 
 
+def test_a_simulated_bench_has_the_limits_of_the_protocol_and_the_sensors_of_the_field(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    done: list[str] = []
+    given: list[Any] = []
+    supply, camera = Instrument("supply", done), Instrument("camera", done)
+    camera.field_mT, camera.swap_leads = "field", "swap"  # type: ignore[attr-defined]
+
+    def opened(rig: Any, specimen: str) -> Any:
+        given.append((rig.supply.limits, rig.camera.rate_Hz, specimen))
+        return supply, camera, "clock", {"truth": 1}
+
+    def sensors(rig: Any, *parts: Any) -> tuple[str, ...]:
+        given.append((rig.supply.limits("other"), *parts))
+        return ("sensor",)
+
+    monkeypatch.setattr(virtual_rig, "open_virtual_rig", opened)
+    monkeypatch.setattr(open_bench, "open_virtual_sensors", sensors)
+    chosen = SimpleNamespace(at_rate=lambda rate_Hz: SimpleNamespace(rate_Hz=rate_Hz))
+    rig = rig_with(chosen)
+    rig.simulated = True
+    rig.supply.limits = Stricter()
+    with open_bench.open_bench(rig, "specimen", "protocol", rate_Hz=30.0) as found:  # type: ignore[arg-type]
+        assert (found.supply, found.camera, found.clock, found.truth) == (supply, camera, "clock", {"truth": 1})  # type: ignore[comparison-overlap]
+        assert (found.camera_settings, found.relay, found.sensors) == (camera.settings, "swap", ("sensor",))  # type: ignore[comparison-overlap]
+        assert found.guardian is None
+        assert done == []
+    assert sorted(done) == ["close camera", "close supply"]
+    assert given == [("stricter than protocol", 30.0, "specimen"), ("limits of other", supply, "field", "clock")]
+
+
+class Stricter:
+    def stricter(self, other: str) -> str:
+        return f"stricter than {other}"
+
+    def __call__(self, name: str) -> str:
+        return f"limits of {name}"
+
+
+@pytest.mark.parametrize("is_coil", [False, True])
+def test_a_simulated_sensor_measures_the_field_or_the_coil(monkeypatch: pytest.MonkeyPatch, is_coil: bool) -> None:
+    monkeypatch.setattr(open_coil, "coil_thermometer", lambda *given: ("thermometer", *given))
+    monkeypatch.setattr("eimi_lab.virtual.virtual_sensors.open_virtual_sensor", lambda *given: ("sensor", *given))
+    rule: Any = SimpleNamespace(is_coil=is_coil)
+    rig: Any = SimpleNamespace(sensors=(rule,))
+    (found,) = open_coil.open_virtual_sensors(rig, "supply", "field", "clock")  # type: ignore[arg-type]
+    assert found.rule is rule
+    expected: Any = ("thermometer", rule, "supply", "clock") if is_coil else ("sensor", rule, "field", "clock")
+    assert found.sensor == expected
+
+
 def test_the_camera_of_a_rig_is_a_device_a_recording_or_a_virtual_beam(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cameras, "open_camera", lambda *arguments: arguments)
     monkeypatch.setattr(virtual_rig, "virtual_camera", lambda *arguments: arguments)

@@ -34,7 +34,7 @@ from eimi_lab.acquisition import added_driver, coil_calibration, conditioning, g
 from eimi_lab.acquisition import ring_downs as ring_downs_module
 from eimi_lab.acquisition.coil import POLL_S, Coil
 from eimi_lab.acquisition.dry_run import dry_run
-from eimi_lab.acquisition.event_lines import sending_events
+from eimi_lab.acquisition.event_lines import EventLines, sending_events
 from eimi_lab.acquisition.events import EmulatedSupplyGone, Event, ShapeChange, Warned
 from eimi_lab.acquisition.guardian import Ward
 from eimi_lab.acquisition.run import check_request
@@ -52,6 +52,7 @@ from eimi_lab.dataset.storage_failure import StorageFailed
 from eimi_lab.dataset.writing import DatasetWriter
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.writer_lock import is_being_written
+from tests.shared.noted import Noted
 
 WARD = Ward("korad", "/dev/pts/987654", 1.0, 10.0)
 
@@ -375,6 +376,14 @@ def test_events_are_written_as_lines_and_passed_on(capfd: pytest.CaptureFixture[
 
 class Own:
     """A driver of a user."""
+
+
+def test_the_last_events_are_waited_for_for_a_second() -> None:
+    calls: list[Any] = []
+    lines: Any = EventLines.__new__(EventLines)
+    lines._waiting, lines._writer = Noted(calls, "waiting"), Noted(calls, "writer")
+    lines.finish()
+    assert calls == [("waiting.put", None), ("writer.join", 1.0)]
 
 
 def test_a_driver_of_the_user_is_added_in_the_other_process(monkeypatch: pytest.MonkeyPatch) -> None:

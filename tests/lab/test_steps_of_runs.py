@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -15,15 +16,19 @@ import pytest
 from eimi_drivers.interfaces import (
     Frame,
     InstrumentError,
+    Off,
     Reading,
     SensorReading,
     SwitchOffFailed,
 )
-from eimi_lab.acquisition import conditioning, output_off, pausing, run, settling, stepping
+from eimi_lab.acquisition import conditioning, output_off, pausing, run, settling, stepping, switching_off
 from eimi_lab.acquisition import ring_downs as ring_downs_module
 from eimi_lab.acquisition.events import (
+    FOUND_OFF,
     ConditioningDone,
     FramesLost,
+    OffConfirmed,
+    OffNotConfirmed,
     OutputSwitched,
     Paused,
     PauseRequested,
@@ -31,9 +36,10 @@ from eimi_lab.acquisition.events import (
     Settled,
     StateStored,
     Warned,
+    off_confirmed,
 )
 from eimi_lab.acquisition.pausing import Pauses, no_input
-from eimi_lab.acquisition.polarity import Polarity
+from eimi_lab.acquisition.polarity import Polarity, cannot_reverse, swaps_leads
 from eimi_lab.acquisition.settling import Settling
 from eimi_lab.acquisition.stepping import Stepping
 from eimi_lab.config.protocol import Conditioning, Ramp, RingDown
@@ -159,6 +165,20 @@ def test_a_pause_switches_off_waits_for_a_line_and_goes_back_to_its_state(
     ]
     assert pauses.asked is False
     assert coil.leads_swapped is (False if swapped is None else not swapped)
+
+
+@pytest.mark.parametrize(
+    ("simulated", "driver", "cannot"),
+    [(True, "virtual", True), (True, "kepco-bop", True), (False, "korad", True), (False, "kepco-bop", False)],
+)
+@pytest.mark.parametrize("both", [False, True])
+def test_the_leads_are_swapped_for_both_polarities_of_a_supply_of_one(
+    simulated: bool, driver: str, cannot: bool, both: bool
+) -> None:
+    rig: Any = SimpleNamespace(simulated=simulated, supply=SimpleNamespace(driver=driver))
+    protocol: Any = SimpleNamespace(current=SimpleNamespace(both_polarities=both))
+    assert cannot_reverse(rig) is cannot
+    assert swaps_leads(protocol, rig) is (both and cannot)
 
 
 @pytest.mark.parametrize("relay", [False, True])
@@ -487,7 +507,75 @@ def test_an_error_in_a_ring_down_ends_both_threads(monkeypatch: pytest.MonkeyPat
         bench.recorder().record(lambda: None)
 
 
-# The output before a run
+# The output after and before a run
+
+
+def test_the_event_of_a_coil_that_is_off_says_what_was_measured() -> None:
+    killed = ("guardian", "run_died", True, "COM3", "; one step failed")
+    said = {"by": "guardian", "takeover": "run_died", "run_killed": True, "address": "COM3"}
+    assert off_confirmed(Off(0.01, 0.05), *killed) == OffConfirmed(  # type: ignore[arg-type]
+        determined_by="measured",
+        current_A=0.01,
+        limit_A=0.05,
+        remark="; one step failed",
+        **said,  # type: ignore[arg-type]
+    )
+    assert off_confirmed(Off(0.01, 0.05, found_off=True), *killed).remark == FOUND_OFF + "; one step failed"  # type: ignore[arg-type]
+    assert off_confirmed(None, *killed) == OffConfirmed(  # type: ignore[arg-type]
+        determined_by="commanded",
+        remark="; one step failed",
+        **said,  # type: ignore[arg-type]
+    )
+    assert off_confirmed(None, "run") == OffConfirmed(by="run", determined_by="commanded")
+
+
+@pytest.mark.parametrize(("guarded", "ramp_failed"), [(False, ""), (True, ""), (True, "no answer")])
+def test_the_guardian_is_disarmed_after_the_coil_is_off(
+    monkeypatch: pytest.MonkeyPatch, guarded: bool, ramp_failed: str
+) -> None:
+    calls: list[Any] = []
+    off = Off(0.01, 0.05)
+    guardian: Any = Noted(calls, "guardian") if guarded else None
+    coil: Any = Noted(calls, "coil", switch_off=lambda: off, unreachable="")
+    monkeypatch.setattr(switching_off, "doubted_after", lambda *given: calls.append(("doubt", *given)) or nullcontext())
+    event = noted(calls, "event")
+    switching_off._off(coil, guardian, event, ramp_failed)
+    doubt = OffNotConfirmed(by="run", reason=ramp_failed, trying_process=os.getpid()) if ramp_failed else None
+    assert calls == [
+        *[("guardian.allow", 30.0)] * guarded,
+        ("doubt", 0.5, doubt, event),
+        ("coil.switch_off",),
+        *[("guardian.disarm",)] * guarded,
+        ("event", OutputSwitched(on=False)),
+        ("event", off_confirmed(off, "run")),
+    ]
+
+
+@pytest.mark.parametrize("measured", [False, True])
+@pytest.mark.parametrize("guarded", [False, True])
+def test_a_coil_that_may_be_on_is_left_to_its_guardian(
+    monkeypatch: pytest.MonkeyPatch, measured: bool, guarded: bool
+) -> None:
+    calls: list[Any] = []
+    error = SwitchOffFailed("still on", 0.4, 0.05) if measured else InstrumentError("no answer")
+
+    def fail() -> None:
+        raise error
+
+    guardian: Any = Noted(calls, "guardian") if guarded else None
+    coil: Any = Noted(calls, "coil", switch_off=fail, unreachable="")
+    monkeypatch.setattr(switching_off, "doubted_after", lambda *given: nullcontext())
+    with pytest.raises(InstrumentError) as caught:
+        switching_off._off(coil, guardian, noted(calls, "event"))
+    assert caught.value is error
+    facts = {"current_A": 0.4, "limit_A": 0.05} if measured else {}
+    assert calls == [
+        *[("guardian.allow", 30.0)] * guarded,
+        ("coil.switch_off",),
+        ("event", OffNotConfirmed(by="run", reason=str(error), **facts)),
+        *[("guardian.arm",)] * guarded,
+        *[("guardian.recognise",)] * (guarded and measured),
+    ]
 
 
 @pytest.mark.parametrize("simulated", [False, True])

@@ -256,6 +256,22 @@ def test_every_step_of_a_trial_has_its_outcome(
     ]
 
 
+@pytest.mark.parametrize(("answers_s", "readings"), [(0.25, 16), (1.0, 10)])
+def test_a_supply_is_measured_for_4_s_and_at_least_ten_times(
+    simulated: Callable[..., tuple[SupplyTrial, CoilSupply, Watcher]],
+    monkeypatch: pytest.MonkeyPatch,
+    answers_s: float,
+    readings: int,
+) -> None:
+    def sleep(self: Any, seconds: float) -> None:
+        self._now += answers_s if seconds == 0.2 else 0.0
+
+    monkeypatch.setattr(SimulatedClock, "sleep", sleep)
+    trial, _, watcher = simulated()
+    assert len(watcher.measured_s) == readings + 1 + 10  # one when it switches off, ten without a current
+    assert f"({readings} readings)" in trial.steps[5].outcome
+
+
 def test_a_supply_whose_driver_measures_nothing_at_the_end_is_measured_by_the_trial(
     simulated: Callable[..., tuple[SupplyTrial, CoilSupply, Watcher]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
