@@ -1,0 +1,296 @@
+"""Options of a fit are checked, and errors of predictions are computed and tabled, with small stand-ins."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eimi_fitting.inference.evidence.quantity import Quantity
+from eimi_fitting.inference.evidence.sources import StatedSource
+from eimi_lab.fits import options, predicted_error, tensile_files, time_fits
+from eimi_lab.fits.options import FitOptions
+from eimi_lab.fits.states_used import StatesUsed
+from eimi_lab.fits.validation import FitReference, Validation
+from eimi_lab.fits.validation_tables import by_dataset, by_state, matrix
+from eimi_lab.process.errors import InputError
+
+
+def data(
+    name: str = "a.h5", sha256: str = "12", section: str = "solid", field_T: float = 1e-3, *stated: StatedSource
+) -> Any:
+    specimen = SimpleNamespace(section=section)
+    loads = SimpleNamespace(field_T=np.full((2, 2), field_T))
+    experiment = SimpleNamespace(model=SimpleNamespace(specimen=specimen), loads=loads, stated=stated)
+    return SimpleNamespace(path=Path(name), sha256=sha256, experiment=experiment)
+
+
+def test_two_datasets_with_the_same_content_are_refused() -> None:
+    FitOptions().check([data(), data("b.h5", "34"), data()])
+    with pytest.raises(InputError, match=r"^b\.h5: has the same content as a\.h5; the same data would count twice$"):
+        FitOptions().check([data(), data("b.h5")])
+
+
+def test_the_bulk_modulus_is_fitted_in_plane_strain_only() -> None:
+    FitOptions(free=["bulk"]).check([data(section="plane-strain")])
+    with pytest.raises(InputError, match=r"^--free bulk: a\.h5 is modelled as solid, and the fit of this section"):
+        FitOptions(free=["bulk"]).check([data()])
+    FitOptions(free=["width=0.02"]).check([data()])
+
+
+def test_an_input_of_the_field_needs_a_field_and_a_standard_deviation() -> None:
+    FitOptions(free=["coil=0.01"]).check([data()])
+    with pytest.raises(InputError, match=r"^--free coil: a\.h5 has no state with a field, and therefore contains no"):
+        FitOptions(free=["coil=0.01"]).check([data(field_T=0.0)])
+    FitOptions(free=["width=0.02"]).check([data(field_T=0.0)])
+    FitOptions(free=["width"]).check([data("a.h5", "1", "solid", 1e-3, StatedSource("width", 0.01, "beam"))])
+    for stated, words in (
+        ((), "gives no uncertainty of this input"),
+        ((StatedSource("depth", 0.1, "beam"),), "gives no uncertainty of this input"),
+        ((StatedSource("width", 0.0, "beam"),), "gives the uncertainty 0 for this input"),
+    ):
+        with pytest.raises(InputError, match=rf"^--free width: a\.h5 {words}; give a standard deviation, such as --f"):
+            FitOptions(free=["width"]).check([data("a.h5", "1", "solid", 1e-3, *stated)])
+
+
+def test_the_inputs_to_fit_have_a_name_and_a_number() -> None:
+    given = FitOptions(free=["bulk", "width=0.02", "clamp", "coil=0.01"]).for_identify()
+    assert [(one.kind, one.spread) for one in given["free"]] == [("width", 0.02), ("clamp", None), ("coil", 0.01)]
+    assert given["free_bulk"] is True
+    assert FitOptions(free=["width=0.02"]).for_identify()["free_bulk"] is False
+    assert FitOptions(restarts=3, bipop=True).for_identify() == {
+        "free": (),
+        "free_bulk": False,
+        "tensile": (),
+        "priors": (),
+        "restarts": 3,
+        "bipop": True,
+    }
+    for free, words in (
+        (["width=0.1", "width"], "--free width: width is given twice"),
+        (["moment"], "--free moment: should be a standard deviation such as "),
+        (["size=1"], r"--free size=1: should be a standard deviation such as moment=0\.02 \(relative\)"),
+        (["width=a"], r"--free width=a: should be width=NUMBER above 0, at most 10 \(mm\)"),
+        (["width=0"], "--free width=0: should be width=NUMBER above 0"),
+        (["tilt=99"], r"--free tilt=99: should be tilt=NUMBER above 0, at most \d+ \(degrees\)"),
+    ):
+        with pytest.raises(InputError, match=words):
+            FitOptions(free=free).for_identify()
+
+
+def test_priors_have_a_mean_and_a_deviation() -> None:
+    (prior,) = FitOptions(prior=[" C10 =20000,500"]).for_identify()["priors"]
+    assert (prior.parameter, prior.mean, prior.standard_deviation) == ("C10", 20000.0, 500.0)
+    for words in ("C10=1", "C10=1,2,3", "C10", "C10=a,b"):
+        with pytest.raises(InputError, match=f"--prior {words}: should be PARAMETER=MEAN,DEVIATION in the parameter's"):
+            FitOptions(prior=[words]).for_identify()
+    with pytest.raises(InputError, match="--prior C10=1,-2: "):
+        FitOptions(prior=["C10=1,-2"]).for_identify()
+    FitOptions(prior=["C10=20000,500"]).check_laws(["yeoh"])
+    with pytest.raises(InputError, match=r"^--prior: .*C10"):
+        FitOptions(prior=["C10=20000,500"]).check_laws(["yeoh", "ogden"])
+
+
+def test_a_law_of_time_is_none_or_prony() -> None:
+    assert [FitOptions(time=name).has_law_of_time for name in ("none", "prony")] == [False, True]
+    with pytest.raises(InputError, match="--time maxwell: should be one of none, prony"):
+        assert FitOptions(time="maxwell").has_law_of_time
+
+
+def test_tensile_curves_have_a_window_a_weight_and_different_contents(monkeypatch: pytest.MonkeyPatch) -> None:
+    read: list[Any] = []
+
+    def read_curve(path: Path, percent: float | None, weight: float) -> Any:
+        read.append((path, percent, weight))
+        return SimpleNamespace(path=str(path), sha256=path.suffix)
+
+    monkeypatch.setattr(tensile_files, "read_curve", read_curve)
+    paths = [Path("a.csv"), Path("b.txt")]
+    assert len(FitOptions(tensile=paths).for_identify()["tensile"]) == 2
+    assert read == [(path, 50.0, 1.0) for path in paths]
+    FitOptions(tensile=paths[:1], tensile_window="full", tensile_weight=0.25).for_identify()
+    assert read[-1] == (paths[0], None, 0.25)
+    assert FitOptions(tensile=paths).head()["tensile"] == [".csv", ".txt"]
+    with pytest.raises(InputError, match=r"^c\.csv: has the same content as a\.csv; the same data would count twice"):
+        FitOptions(tensile=[*paths, Path("c.csv")]).for_identify()
+    with pytest.raises(InputError, match=r"--tensile-window 20: needs a tensile curve; give --tensile, too"):
+        FitOptions(tensile_window="20").for_identify()
+    with pytest.raises(InputError, match=r"--tensile-weight 2.0: needs a tensile curve"):
+        FitOptions(tensile_weight=2.0).for_identify()
+    for weight in (0.0, -1.0, np.inf, np.nan):
+        with pytest.raises(InputError, match=f"--tensile-weight {weight:g}: should be a number above 0"):
+            FitOptions(tensile=paths, tensile_weight=weight).for_identify()
+    assert options._WINDOW == "50"
+
+
+# The interval of the error of a prediction
+
+
+def test_the_interval_of_a_predicted_error_contains_the_mean_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[Any] = []
+
+    class Observed:
+        def of_residuals(self, residuals: np.ndarray) -> Any:
+            asked.append(residuals)
+            return SimpleNamespace(error_mm=np.abs(residuals).mean(axis=(2, 3)))
+
+    @dataclass(frozen=True)
+    class Experiment:
+        model: Any
+        observed: Any
+
+    coarse_mm = np.zeros((4, 1, 2, 2))
+    coarse_mm[0], coarse_mm[1], coarse_mm[2], coarse_mm[3] = 0.5, 0.7, 0.4, 9.0
+    comparison = SimpleNamespace(
+        misfits=[SimpleNamespace(residuals=coarse_mm)],
+        unconverged=np.array([False, False, False, True]),
+        shapes=[SimpleNamespace(every="shapes")],
+    )
+    calls: list[Any] = []
+    experiment = Experiment(SimpleNamespace(specimen="beam"), Observed())
+    assumed = SimpleNamespace(
+        applied=lambda one: experiment, compared=lambda *given, **more: calls.append((given, more)) or comparison
+    )
+    counts: list[int] = []
+    monkeypatch.setattr(predicted_error, "assumptions_of", lambda fit, one, count: counts.append(count) or assumed)
+    monkeypatch.setattr(predicted_error, "coarse_model", lambda specimen: f"coarse {specimen}")
+    errors = np.array([[1.0, 2.0, 50.0], [3.0, 4.0, 60.0]])
+    monkeypatch.setattr(predicted_error, "predicted_errors_mm", lambda fit, one, misfit, near: errors)
+    drawn: list[int] = []
+    fit: Any = SimpleNamespace(
+        model="yeoh", values=lambda: [1.0, 2.0], drawn=lambda most: drawn.append(most) or np.full((3, 2), 7.0)
+    )
+    evidence: Any = SimpleNamespace(experiment="experiment")
+    residuals = np.array([[[0.2, np.nan], [-0.2, 0.2]]])
+    low, high = predicted_error.error_interval_mm(fit, evidence, residuals) or (0.0, 0.0)
+    mean = 0.15  # the mean of the sizes of the residuals of the fit
+    assert low == pytest.approx(min(np.quantile([1.0, 2.0, 3.0, 4.0], 0.025), mean))
+    assert high is None  # a draw has no equilibrium
+    assert asked[0][0] == pytest.approx(np.array([[[0.2, 0.0], [-0.2, 0.2]]]))
+    assert asked[0][1:3] == pytest.approx(np.nan_to_num(residuals) + np.array([0.2, -0.1])[:, None, None, None])
+    assert (drawn, counts) == ([16], [4])
+    (model, candidates, coarse), more = calls[0]
+    assert (model, candidates.tolist()) == ("yeoh", [[1.0, 2.0], *[[7.0, 7.0]] * 3])
+    assert (coarse.model, more) == ("coarse beam", {"keep": True})
+    comparison.unconverged = np.zeros(4, bool)
+    low, high = predicted_error.error_interval_mm(fit, evidence, residuals) or (0.0, 0.0)
+    assert (low, high) == (pytest.approx(mean), pytest.approx(np.quantile(errors, 0.975)))
+    errors[:] = 0.01
+    assert predicted_error.error_interval_mm(fit, evidence, residuals) == pytest.approx((0.01, mean))
+    comparison.unconverged = np.array([True, False, False, False])
+    assert predicted_error.error_interval_mm(fit, evidence, residuals) is None
+
+
+# Tables of validations
+
+
+def validation(index: int, dataset: str, error_mm: float | None, **more: Any) -> Validation:
+    states = [
+        {
+            "dataset": 0,
+            "state": k,
+            "current_A": None,
+            "field_mT": 1.5 * k,
+            "error_mm": 1e-3 * (index + k),
+            "deviation_mm": 1e-4 * k,
+        }
+        for k in (2, 4)
+    ]
+    given: dict[str, Any] = {
+        "dataset": dataset,
+        "sha256": "12",
+        "section": "solid",
+        "model": "yeoh",
+        "fit": FitReference(path="f.json", index=index, kind="bending", window_percent=None),
+        "initial_shear_modulus": Quantity(50e3 + index, "Pa", (49e3, 51.239e3)),
+        "seen": False,
+        "states": StatesUsed(3, (), (), ()),
+        "status": "ok",
+        "mean_error_mm": error_mm,
+        "mean_error_interval_mm": (0.9 * (error_mm or 0), None),
+        "mean_deviation_mm": 0.0021,
+        "max_stretch": 1.23456,
+        "stable": True,
+        "within_fitted_stretch": True,
+        "by_state": tuple(states),
+        **more,
+    }
+    return Validation.model_validate(given)
+
+
+def test_the_fits_of_a_dataset_are_sorted_by_their_errors() -> None:
+    lost = validation(
+        0, "a.h5", None, status="no equilibrium", max_stretch=None, mean_error_interval_mm=None, by_state=()
+    )
+    far = validation(1, "a.h5", 0.0456, seen=True, stable=False, within_fitted_stretch=False)
+    lines = by_dataset([lost, far, validation(2, "a.h5", 0.01234), validation(3, "b.h5", 0.5)])
+    assert [line.split()[0] for line in lines] == [
+        *("a.h5", "fit", "f.json:2", "f.json:1", "f.json:0", "b.h5", "fit", "f.json:3"),
+    ]
+    assert lines[0] == "a.h5 (solid, 3 of 3 states used)"
+    assert lines[2].split(None, 3)[3] == "50.00 [49.00, 51.24]         12.3 [11.1, >]  2.10    1.235  unseen"
+    assert lines[3].endswith("1.235  seen, not stable over these stretches, stretches beyond the data of the fit")
+    assert lines[4].split(None, 3)[3].split("  ")[-1] == "no equilibrium"
+
+
+def test_at_most_six_fits_stand_side_by_side_with_their_states_and_their_means() -> None:
+    six = [validation(i, "a.h5", 0.01) for i in range(6)]
+    lines = by_state(six)
+    assert len(lines) == 1 + 1 + 2 + 1
+    assert lines[0] == "a.h5: error ± deviation by state, µm"
+    assert lines[1].split() == ["state", "field,", "mT", *(w for i in range(6) for w in (f"f.json:{i}", "yeoh"))]
+    assert lines[2].split() == ["2", "3.000", *(w for i in range(6) for w in (f"{i + 2}.00", "±", "0.20"))]
+    assert lines[4].split() == ["mean", *["10.0", "±", "2.10"] * 6]
+    both = by_state([*six, validation(6, "a.h5", 0.01), validation(7, "b.h5", 0.02)])
+    assert [line for line in both if line.endswith("µm")] == [lines[0], lines[0], lines[0].replace("a.h5", "b.h5")]
+    assert len(both) == 3 * 5
+    assert by_state([validation(1, "a.h5", None, by_state=())]) == []
+
+
+def test_the_matrix_of_fits_and_datasets_marks_the_seen_ones() -> None:
+    lines = matrix([validation(0, "a.h5", 0.01, seen=True), validation(0, "b.h5", 0.02)])
+    assert lines == [
+        "mean error, µm [95 % interval]; * fitted to this dataset",
+        "  fit                law              a.h5             b.h5",
+        "  f.json:0  bending  yeoh  10.0 [9.00, >]*  20.0 [18.0, >]",
+    ]
+
+
+# A law fitted to ring-downs alone
+
+
+def test_the_parameter_of_a_ring_down_has_the_scale_of_its_law(monkeypatch: pytest.MonkeyPatch) -> None:
+    dynamic = Quantity(60e3, "Pa", (58e3, 63e3))
+    time = SimpleNamespace(dynamic_shear_modulus=dynamic)
+    asked: list[Any] = []
+    monkeypatch.setattr(time_fits, "_identified", lambda *given: asked.append(given) or time)
+    monkeypatch.setattr(time_fits, "RingDownRecord", lambda **given: SimpleNamespace(**given))
+    monkeypatch.setattr(time_fits, "MotionReference", lambda **given: SimpleNamespace(**given))
+    monkeypatch.setattr(time_fits, "stable_up_to", lambda law, values: 2.5 + values[0] / 60e3)
+    specimen = SimpleNamespace(section="solid")
+
+    def one(name: str, *exact: str) -> Any:
+        path, stated = Path(name), (StatedSource("width", 0.01, name),)
+        return SimpleNamespace(
+            path=path, sha256=name[0], specimen=specimen, motions=("m", "n"), stated=stated, taken_as_exact=exact
+        )
+
+    motions = [one("a.h5", "moment", "depth"), one("b.h5", "depth", "coil")]
+    fit: Any = time_fits.fit_motions("neo-hookean", motions, 4)
+    assert asked[0][0] == "neo-hookean"
+    assert asked[0][1].tolist() == [1.0]
+    assert asked[0][2:] == (motions, None, 4)
+    assert fit.parameters == {"mu": dynamic}
+    assert (fit.initial_shear_modulus, fit.max_stretch, fit.doubts, fit.time, fit.seed) == (dynamic, 1.0, (), time, 4)
+    assert (fit.stability.criterion, fit.stability.stable_up_to_stretch) == ("Drucker", 3.5)
+    assert fit.taken_as_exact == ("moment", "depth", "coil")
+    assert [(d.path, d.sha256, d.section, d.motions) for d in fit.datasets] == [
+        ("a.h5", "a", "solid", 2),
+        ("b.h5", "b", "solid", 2),
+    ]
+    with pytest.raises(InputError, match=r"^a\.h5, b\.h5: --model yeoh: a ring-down determines only one parameter; us"):
+        time_fits.fit_motions("yeoh", motions, 4)
