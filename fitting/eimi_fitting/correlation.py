@@ -9,28 +9,27 @@ Array = NDArray[np.float64]
 
 
 def correlation_length(residuals: Array, weights: Array) -> float:
-    """Return the integrated autocorrelation length tau: tau neighbouring residuals count as one independent residual.
+    """Estimate how many neighbouring residuals count as one independent residual, from their autocorrelation.
 
     Parameters
     ----------
     residuals : array, shape (..., n)
-        Residuals in groups of n neighbouring points. The last axis counts the points of a group. The residual of an
-        unused point is zero.
+        Residuals in groups of n neighbouring points. The residual of an unused point is zero.
     weights : array, shape (..., n)
         Weight of each residual: above zero for a used point, zero for an unused point.
 
     Returns
     -------
     float
-        tau = 1 + 2 sum_k rho_k >= 1. Let r_i be the residual of point i of a group. The autocorrelation rho_k is the
-        mean of r_i r_(i+k) over all pairs of used points in a group, divided by the mean of r_i^2. tau is 1 if all
-        residuals are zero.
+        The integrated autocorrelation length 1 + 2 sum_k rho_k, with the autocorrelation rho_k of residuals at the
+        distance of k points. It is at least 1, and 1 if all residuals are zero.
 
     References
     ----------
     The sum over k ends before the first rho_k that is zero or negative. This rule is similar to the initial positive
     sequence of C. J. Geyer (1992), Statist. Sci. 7:473.
     """
+    # rho_k is the mean of r_i r_(i+k) over all pairs of used points in a group, divided by the mean of r_i^2.
     r = residuals.reshape(-1, residuals.shape[-1])
     w = (weights > 0).astype(float).reshape(r.shape)
     variance = (r**2).sum() / max(w.sum(), 1.0)

@@ -2,7 +2,6 @@
 
 For such noise, a residual is positive with a probability of one half and is not correlated with the next residual.
 
-
 References
 ----------
 A. Wald and J. Wolfowitz (1940), Ann. Math. Statist. 11:147, for runs of one sign; R. L. Anderson (1942), Ann. Math.
@@ -26,47 +25,34 @@ _FEWEST = 10  # smallest number of pairs of neighbours for a verdict
 
 @dataclass(frozen=True)
 class Randomness:
-    """The results of two tests for randomness of residuals along edges: sign changes and serial correlation.
+    """The results of two tests for randomness of residuals along edges: sign changes and serial correlation."""
 
-    Attributes
-    ----------
-    pairs : int
-        Number n of pairs of neighbouring points.
-    sign_changes : int
-        Number of pairs whose two residuals have different signs. n / 2 is expected for independent noise.
-    runs_probability : float
-        Probability that independent noise has at most ``sign_changes`` sign changes.
-    autocorrelation : float
-        Mean product of two neighbouring residuals, divided by the mean square of all residuals. 0 is expected for
-        independent noise.
-    autocorrelation_probability : float
-        Probability that independent noise has at least the autocorrelation ``autocorrelation``.
-    noise : float
-        Standard deviation s of the part of the residuals that is independent from point to point, in the unit of the
-        residuals. s^2 is half of the mean square difference of neighbouring residuals.
-    systematic : float
-        Root mean square of the part of the residuals that neighbouring points share, in the unit of the residuals.
-    """
-
+    # Number n of pairs of neighbouring points.
     pairs: int
+    # Number of pairs whose two residuals have different signs. n / 2 is expected for independent noise.
     sign_changes: int
+    # Probability that independent noise has at most ``sign_changes`` sign changes.
     runs_probability: float
+    # Mean product of two neighbouring residuals, divided by the mean square of all residuals. 0 is expected for
+    # independent noise.
     autocorrelation: float
+    # Probability that independent noise has at least the autocorrelation ``autocorrelation``.
     autocorrelation_probability: float
+    # Standard deviation s of the part of the residuals that is independent from point to point, in their unit. s^2 is
+    # half of the mean square difference of neighbouring residuals.
     noise: float
+    # Root mean square of the part of the residuals that neighbouring points share, in their unit.
     systematic: float
 
     @property
     def decided(self) -> bool:
-        """Return whether there are at least 10 pairs of neighbouring points, enough for both tests of randomness."""
+        """Whether there are at least 10 pairs of neighbouring points, enough for both tests."""
         return self.pairs >= _FEWEST
 
     @property
     def is_noise(self) -> bool:
-        """Return whether the residuals may be independent noise.
-
-        True if the probabilities of the sign changes and of the serial correlation are both at least 1 %.
-        """
+        """Whether the residuals may be independent noise."""
+        # Both probabilities are at least 1 %.
         return min(self.runs_probability, self.autocorrelation_probability) >= _SIGNIFICANT
 
 
@@ -76,8 +62,7 @@ def randomness_of(residuals: Array) -> Randomness:
     Parameters
     ----------
     residuals : ndarray, shape (..., m)
-        Residuals in groups of m neighbouring points; NaN for a point that was not measured. The last axis counts the
-        points of a group. Points of different groups are not neighbours.
+        Residuals in groups of m neighbouring points; NaN for a point that was not measured.
 
     Returns
     -------

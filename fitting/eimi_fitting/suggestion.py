@@ -7,20 +7,7 @@ from collections.abc import Iterable
 
 
 def suggestion(name: object, names: Iterable[str]) -> str:
-    """Return the end of an error message about an unknown name: the closest existing name, or all existing names.
-
-    Parameters
-    ----------
-    name : object
-        The unknown name.
-    names : iterable of str
-        The names that exist.
-
-    Returns
-    -------
-    str
-        ``"did you mean 'yeoh'?"`` if an existing name is close to the unknown name, else a list of all existing names
-        such as ``"there are neo-hookean, yeoh"``.
+    """End an error message about an unknown name with the closest existing name, or with all existing names.
 
     Examples
     --------

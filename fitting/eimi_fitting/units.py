@@ -13,7 +13,7 @@ PA_PER_MPA = 1e6
 
 
 def moduli_in_MPa(parameters: NDArray[np.float64], units: Sequence[str]) -> NDArray[np.float64]:
-    """Return the parameters of a hyperelastic law, with moduli converted from Pa to MPa.
+    """Convert the moduli among the parameters of a hyperelastic law from Pa to MPa.
 
     Parameters
     ----------
@@ -31,10 +31,7 @@ def moduli_in_MPa(parameters: NDArray[np.float64], units: Sequence[str]) -> NDAr
 
 
 def in_words(modulus_Pa: float, interval_Pa: tuple[float, float], digits: int = 5) -> str:
-    """Return a modulus and its interval as text.
-
-    All three numbers have the same unit and the same number of decimals. The unit is Pa for a modulus below 10 MPa, MPa
-    from 10 MPa to 1 GPa, and GPa above 1 GPa.
+    """Return a modulus and its interval as text, such as ``"46380 Pa [46359, 46401]"``.
 
     Parameters
     ----------
@@ -45,11 +42,6 @@ def in_words(modulus_Pa: float, interval_Pa: tuple[float, float], digits: int = 
     digits : int
         Significant digits of the modulus. All digits before the decimal point are always printed.
 
-    Returns
-    -------
-    str
-        The text, such as ``"46380 Pa [46359, 46401]"``.
-
     Examples
     --------
     >>> in_words(46380.2, (46359.1, 46401.3))
@@ -59,6 +51,8 @@ def in_words(modulus_Pa: float, interval_Pa: tuple[float, float], digits: int = 
     >>> in_words(34.67e9, (34.6e9, 34.7e9))
     '34.670 GPa [34.600, 34.700]'
     """
+    # All three numbers have the same unit and the same number of decimals. The unit is Pa for a modulus below 10 MPa,
+    # MPa from 10 MPa to 1 GPa, and GPa above 1 GPa.
     size = abs(modulus_Pa)
     factor, unit = (1e-9, "GPa") if size >= 1e9 else (1e-6, "MPa") if size >= 1e7 else (1.0, "Pa")
     leading = math.floor(math.log10(factor * size)) if size > 0 else 0

@@ -41,25 +41,15 @@ class NoEquilibrium(Exception):
 
 
 def scale_deviation(lot: float) -> float:
-    """Return the relative standard deviation of the ratio (modulus of the beams) / (modulus of the tensile specimens).
-
-    Parameters
-    ----------
-    lot : float
-        Relative standard deviation of the ratio that is due to different production lots alone.
-
-    Returns
-    -------
-    float
-        Standard deviation due to different lots and to errors of the beam model.
-    """
+    """Return the relative standard deviation of the modulus of the beams divided by that of the tensile specimens."""
+    # It is due to different production lots (``lot``) and to errors of the beam model.
     return float(np.hypot(lot, _MODEL))
 
 
 def bending_rows(
     experiments: Sequence[Experiment], terms: Sequence[Term], about: Array, lot: float
 ) -> tuple[Rows, list[float]]:
-    """Return linear equations for the coefficients of the terms of a strain energy from the edges of bent beams.
+    """Turn the edges of bent beams into linear equations for the coefficients of the terms of a strain energy.
 
     Further unknowns are errors of inputs, such as the clamp's position.
 
@@ -68,12 +58,11 @@ def bending_rows(
     experiments : sequence of Experiment
         The bent beams.
     terms : sequence of Term
-        J terms of the strain energy.
-    about : array, shape (J,)
-        Coefficients (Pa) near the solution.
+        The terms of the strain energy.
+    about : array
+        A coefficient (Pa) of each term near the solution.
     lot : float
-        Relative standard deviation of the ratio (modulus of the beams) / (modulus of the tensile specimens), which may
-        come from different production lots.
+        Relative standard deviation of the modulus between production lots of beams and tensile specimens.
 
     Returns
     -------
@@ -117,10 +106,8 @@ def _rows_about(
 
 
 def _refined(experiment: Experiment, law: SumOfTerms, about: Array) -> tuple[Misfit, Array]:
-    """Return the residuals by the most accurate beam model, and the standard deviation of its error, in mm, (K, G, m).
-
-    K states, G = 2 groups of m points (the two edges, or x and y of tracked points).
-    """
+    """Return the residuals of the most accurate beam model, and the standard deviation of its error in mm."""
+    # (K, 2, m): K load states, and two groups of m points (the two edges, or x and y of tracked points).
     (refinement,) = refinements([experiment])
     coarse, best = (_misfit(model, law, about)[0] for model in (polished(experiment), refinement.better(experiment)))
     return best, refinement.remaining_share * (best.residuals[0] - coarse.residuals[0])
@@ -129,10 +116,8 @@ def _refined(experiment: Experiment, law: SumOfTerms, about: Array) -> tuple[Mis
 def _misfit(
     experiment: Experiment, law: SumOfTerms, coefficients: Array, near: Configuration | None = None
 ) -> tuple[Misfit, Configuration | None]:
-    """Simulate a beam; return its residuals, and its shape (None for a three-dimensional model).
-
-    coefficients: those of the law, Pa. near: a shape from which the solution starts.
-    """
+    """Simulate a beam; return its residuals, and its shape (None for a three-dimensional model)."""
+    # ``coefficients``: those of the law, Pa. ``near``: a shape from which the solution starts.
     model, loads, candidate = experiment.solved, experiment.loads, coefficients[None]
     if isinstance(model, BeamModel):
         shapes = model.solve(law, candidate, loads, tolerance_mm=_TOLERANCE_MM, keep=True, near=near)
@@ -145,10 +130,8 @@ def _misfit(
 
 # The error of these derivatives has little effect, because all compared laws bend the beam by almost the same amount.
 def _slopes(experiment: Experiment, law: SumOfTerms, about: Array) -> Array:
-    """Return the derivatives of the residuals by the J coefficients, in mm/Pa, (J, K, G, m).
-
-    K states, G = 2 groups of m points (the two edges, or x and y of tracked points).
-    """
+    """Return the derivatives of the residuals with respect to the coefficients of the terms, in mm/Pa."""
+    # (J, K, 2, m): J terms, K load states, and two groups of m points (the two edges, or x and y of tracked points).
     planar = polished(experiment)
     unit_stress = stress_columns(law.terms, np.array([BENT_STRAIN]))[0]
     steps = _STEP * (unit_stress @ about) / unit_stress
@@ -159,10 +142,9 @@ def _slopes(experiment: Experiment, law: SumOfTerms, about: Array) -> Array:
 
 
 def _changes_by_sources(experiments: Sequence[Experiment], law: SumOfTerms, about: Array) -> list[list[Array | None]]:
-    """Return the changes of the residuals (mm) if one uncertain input changes by its standard uncertainty.
-
-    Rows: parts of inputs, such as x of the clamp. Each row has an array (states, 2, points) or None for each beam.
-    """
+    """Return the changes of the residuals if one uncertain input changes by its standard uncertainty."""
+    # One row for each part of an input, such as x of the clamp. A row has an array (K, 2, m) in mm, or None, for each
+    # beam.
     any_law = LAWS["neo-hookean"]  # the list of sources depends on the experiments, not on the law
     groups = sources_of(Problem(any_law, Unknowns(search_space(any_law)), tuple(experiments)))
     candidate = Candidate(law, about[None])
@@ -181,12 +163,11 @@ def _changes_by_sources(experiments: Sequence[Experiment], law: SumOfTerms, abou
 def _whitened(
     experiment: Experiment, misfit: Misfit, model_error: Array, slopes: Array, nuisances: Array, about: Array
 ) -> tuple[Rows, float]:
-    """Return the linear equations of one beam, scaled to independent errors of variance 1, and the noise in mm.
-
-    model_error: error of the beam model, mm, (K, 2, m) for K states and two edges with m points. slopes: derivatives of
-    the residuals by J coefficients of the law, mm/Pa, (J, K, 2, m). nuisances: changes of the residuals if one of q
-    inputs changes by its standard uncertainty, mm, (q, K, 2, m). about: coefficients of the law for the residuals, Pa.
-    """
+    """Return the linear equations of one beam, scaled to independent errors of variance 1, and the noise in mm."""
+    # ``model_error`` (K, 2, m): error of the beam model in mm, for K load states and two edges with m points.
+    # ``slopes`` (J, K, 2, m): derivatives of the residuals by J coefficients of the law in mm/Pa. ``nuisances`` (q, K,
+    # 2, m): changes of the residuals if one of q inputs changes by its standard uncertainty, in mm. ``about``:
+    # coefficients of the law for the residuals in Pa.
     residuals, weights = misfit.residuals[0], misfit.weights
     used = weights > 0
     j, used_residuals = len(slopes), residuals[used]
@@ -216,7 +197,7 @@ def _whitened(
 
 
 def _inverse_root(deviation: Array) -> Array:
-    """Return the matrix (I + d d^T)^(-1/2), shape (m, m), for the identity I and the vector d = ``deviation``, (m,)."""
+    """Return the matrix (I + d d^T)^(-1/2) for the vector d = ``deviation``."""
     square = float(deviation @ deviation)
     if square == 0.0:
         return np.eye(len(deviation))
@@ -224,7 +205,7 @@ def _inverse_root(deviation: Array) -> Array:
 
 
 def _residual_of_all_columns(rows: Rows) -> float:
-    """Return the root mean square residual of the least-squares fit of all terms to one beam, in units of the noise."""
+    """Return the root mean square residual of a least-squares fit of all terms, in units of the noise."""
     columns = np.column_stack([rows.columns, rows.nuisances])
     size = np.linalg.norm(columns, axis=0)
     columns = columns / np.where(size > 0, size, 1.0)

@@ -20,7 +20,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Rows:
-    """N linear equations for J coefficients of a law and q errors of inputs, such as a width (nuisances)."""
+    """Linear equations for the coefficients of a law and for errors of inputs, such as a width."""
+
+    # N equations for J coefficients and q errors of inputs (nuisances).
 
     # (N,): measured values, in units of the noise.
     observed: Array
@@ -32,11 +34,11 @@ class Rows:
     groups: NDArray[np.intp]
 
     def with_noise_times(self, factor: float) -> Rows:
-        """Return the equations divided by ``factor``, for noise that is ``factor`` times as large."""
+        """Return the equations for noise that is ``factor`` times as large."""
         return Rows(self.observed / factor, self.columns / factor, self.nuisances / factor, self.groups)
 
     def fit_all_terms(self) -> tuple[Array, Array]:
-        """Return the J non-negative coefficients (Pa), and the q errors of inputs in standard uncertainties."""
+        """Fit non-negative coefficients of all terms (Pa), and the errors of inputs in standard uncertainties."""
         j, q = self.columns.shape[1], self.nuisances.shape[1]
         prior = np.hstack([np.zeros((q, j)), np.eye(q), -np.eye(q)])
         columns = np.vstack([np.hstack([self.columns, self.nuisances, -self.nuisances]), prior])
@@ -45,7 +47,7 @@ class Rows:
 
     @staticmethod
     def joined(parts: Sequence[Rows]) -> Rows:
-        """Join the equations of all ``parts``, which have the same unknowns."""
+        """Join several groups of equations with the same unknowns."""
         width = max(part.nuisances.shape[1] for part in parts)
         counts = np.cumsum([0, *(int(part.groups.max(initial=-1)) + 1 for part in parts)])
         return Rows(
@@ -57,7 +59,7 @@ class Rows:
 
 
 def non_negative(columns: Array, observed: Array) -> Array:
-    """Return the non-negative vector x, shape (J,), that minimises |columns x - observed|^2.
+    """Find the non-negative vector x that minimises |columns x - observed|^2.
 
     References
     ----------

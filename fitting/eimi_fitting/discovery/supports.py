@@ -45,7 +45,9 @@ _STANDARD_ERRORS = 1.5
 
 @dataclass(frozen=True)
 class Support:
-    """A set of k terms of a hyperelastic law, fitted to N equations by least squares."""
+    """A set of terms of a hyperelastic law, fitted by least squares."""
+
+    # k terms, fitted to N equations.
 
     # Indices of the terms in the library.
     terms: tuple[int, ...]
@@ -79,9 +81,9 @@ def supports(rows: Rows, has_modulus: NDArray[np.bool_], most_terms: int) -> tup
     Parameters
     ----------
     rows : Rows
-        Equations for the coefficients of J terms.
-    has_modulus : array of bool, shape (J,)
-        Whether a term contributes to the initial shear modulus.
+        Equations for the coefficients of all terms.
+    has_modulus : array of bool
+        Whether each term contributes to the initial shear modulus.
     most_terms : int
         Largest number of terms in a set.
 
@@ -111,13 +113,9 @@ def minimal(candidates: tuple[Support, ...]) -> tuple[Support, ...]:
 
 
 def upper_coefficients(rows: Rows, terms: tuple[int, ...]) -> Array:
-    """Return the largest coefficient that each of J terms could have if this term were added to the set ``terms``.
-
-    Returns
-    -------
-    array, shape (J,)
-        Upper end of the 95 % interval, Pa; 0 for terms of the set, infinity for terms whose effect the set can imitate.
-    """
+    """Return the largest coefficient that each term could have if it were added to a set of terms."""
+    # (J,) in Pa: the upper end of the 95 % interval; 0 for terms of the set, infinity for terms whose effect the set
+    # can imitate.
     upper = np.zeros(rows.columns.shape[1])
     for further in set(range(len(upper))) - set(terms):
         added = _fitted(rows, (*terms, further))
@@ -131,7 +129,7 @@ def _sets(count: int, most: int) -> Iterator[tuple[int, ...]]:
 
 
 def _fitted(rows: Rows, terms: tuple[int, ...]) -> Support | None:
-    """Return the least-squares fit of a set of terms; None if the effects of the terms are linearly dependent."""
+    """Fit a set of terms by least squares; return None if their effects are linearly dependent."""
     k, q = len(terms), rows.nuisances.shape[1]
     columns = np.column_stack([rows.columns[:, terms], rows.nuisances])
     prior = np.column_stack([np.zeros((q, k)), np.eye(q)])
@@ -158,7 +156,7 @@ def _fitted(rows: Rows, terms: tuple[int, ...]) -> Support | None:
 
 
 def _compared(support: Support, best: Support) -> Support:
-    """Return a copy of a set of terms that also says by how much it predicts worse than the set ``best``."""
+    """Compare the prediction errors of a set of terms with those of the best set."""
     errors, best_errors = support.prediction_errors, best.prediction_errors
     excess = float(errors @ errors - best_errors @ best_errors)
     return replace(support, excess=excess, excess_error=2 * float(np.linalg.norm(errors - best_errors)))

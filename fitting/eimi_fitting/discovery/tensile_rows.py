@@ -19,18 +19,20 @@ _FLOOR = 1e-4  # smallest noise, as a share of the largest stress (assumed: no t
 
 
 def stress_columns(terms: Sequence[Term], strain: Array) -> Array:
-    """Return the engineering stress (Pa) of each of J terms with the coefficient 1 Pa at m strains, shape (m, J)."""
+    """Return the engineering stress (Pa) of each term with the coefficient 1 Pa, at several strains."""
+    # (m, J) for m strains and J terms.
     return engineering_stress(SumOfTerms(tuple(terms)), np.eye(len(terms)), strain).T
 
 
 def largest_x(strain: Array) -> float:
-    """Return I1 - 3 (I1: first invariant) of an incompressible material at the largest strain of a tensile test."""
+    """Return I1 - 3 of an incompressible material at the largest strain of a tensile test."""
+    # I1 is the first invariant.
     stretch = 1 + float(np.max(strain))
     return stretch**2 + 2 / stretch - 3
 
 
 def tensile_rows(curve: TensileCurve, terms: Sequence[Term]) -> tuple[Rows, float]:
-    """Return linear equations for the coefficients of J terms from a tensile curve.
+    """Turn a tensile curve into linear equations for the coefficients of the terms of a law.
 
     Returns
     -------

@@ -37,7 +37,7 @@ _NOISE_ALONE = 1.5  # a held-out error above this cannot be noise alone
 
 @dataclass(frozen=True)
 class Alternative:
-    """A hyperelastic law of k terms that agrees with the data."""
+    """A hyperelastic law that agrees with the data."""
 
     # The k terms.
     terms: tuple[Term, ...]
@@ -92,22 +92,22 @@ class Discovery:
 
     @property
     def identified(self) -> bool:
-        """Return whether the data agree with exactly one set of terms of the library."""
+        """Whether the data agree with exactly one set of terms of the library."""
         return len(self.alternatives) == 1 and not self.open_terms and self.explained
 
     @property
     def explained(self) -> bool:
-        """Return whether the law with the fewest terms has prediction errors below 1.5 times the noise."""
+        """Whether the law with the fewest terms has prediction errors below 1.5 times the noise."""
         return self.alternatives[0].held_out_error < _NOISE_ALONE
 
     @property
     def in_all(self) -> tuple[Term, ...]:
-        """Return the terms that occur in all ``alternatives``."""
+        """The terms that occur in all ``alternatives``."""
         return tuple(t for t in self.alternatives[0].terms if all(t in a.terms for a in self.alternatives))
 
     @property
     def statement(self) -> str:
-        """Return one sentence that names the terms of the law, or says why the data do not determine them."""
+        """One sentence that names the terms of the law, or says why the data do not determine them."""
         best = " + ".join(term.name for term in self.alternatives[0].terms)
         if not self.explained:
             return (
@@ -215,10 +215,8 @@ def discover(
 
 
 def _supports(rows: Rows, has_modulus: NDArray[np.bool_], most_terms: int) -> tuple[Rows, tuple[Support, ...], float]:
-    """Fit all small sets of terms; if even the best set has too large errors, increase the noise.
-
-    Return the equations divided by the final noise, the fitted sets, and the factor (at least 1) of the noise.
-    """
+    """Fit all small sets of terms; if even the best set has too large errors, increase the noise."""
+    # The results: the equations divided by the final noise, the fitted sets, and the factor (at least 1) of the noise.
     fitted = supports(rows, has_modulus, most_terms)
     noise_factor = fitted[0].held_out_error
     if noise_factor <= 1.0:
@@ -228,10 +226,7 @@ def _supports(rows: Rows, has_modulus: NDArray[np.bool_], most_terms: int) -> tu
 
 
 def _open_terms(rows: Rows, support: Support, terms: Sequence[Term], strain: float) -> dict[Term, float]:
-    """Return the terms outside the set ``support`` that could carry more than 15 % of the stress at ``strain``.
-
-    The values of the result are these possible shares of the stress.
-    """
+    """Return the terms outside a set that could carry more than 15 % of the stress, with their shares."""
     columns = stress_columns(terms, np.array([strain]))[0]
     stress = upper_coefficients(rows, support.terms) * columns
     shares = stress / (stress + support.coefficients @ columns[list(support.terms)])
@@ -239,7 +234,7 @@ def _open_terms(rows: Rows, support: Support, terms: Sequence[Term], strain: flo
 
 
 def _usable(library: Sequence[Term], curves: Sequence[TensileCurve]) -> tuple[tuple[Term, ...], tuple[Term, ...]]:
-    """Return the terms whose stress is defined at all strains of the curves, and the other terms of the library."""
+    """Divide the library into the terms whose stress is defined at all strains of the curves, and the others."""
     if len(set(library)) < len(library):
         raise ValueError("the library contains a term twice: give each term once")
     most = max((_ROOM * largest_x(curve.strain) for curve in curves), default=0.0)
@@ -257,7 +252,7 @@ def _modulus_Pa(experiments: Sequence[Experiment], modulus_Pa: float | None, see
 
 
 def _near(modulus_Pa: float, curve_rows: Sequence[Rows], terms: Sequence[Term]) -> Array:
-    """Return rough coefficients of the J terms (Pa), (J,), at which the linearisation starts."""
+    """Return rough coefficients of all terms (Pa), at which the linearisation starts."""
     about = np.zeros(len(terms))
     about[next(i for i, term in enumerate(terms) if term.has_modulus)] = 1.0
     if curve_rows:
@@ -271,10 +266,8 @@ def _near(modulus_Pa: float, curve_rows: Sequence[Rows], terms: Sequence[Term]) 
 def _linearised(
     experiments: Sequence[Experiment], terms: Sequence[Term], about: Array, lot: float, curve_rows: Sequence[Rows]
 ) -> tuple[Rows, list[float]]:
-    """Return linear equations for the coefficients from the edges of all beams, and the noise in mm.
-
-    about: the coefficients at the start, Pa. lot: relative standard deviation between production lots.
-    """
+    """Return linear equations for the coefficients from the edges of all beams, and the noise in mm."""
+    # ``about``: the coefficients at the start, Pa. ``lot``: relative standard deviation between production lots.
     previous_noise_mm = np.zeros(0)
     rows, noise_mm = bending_rows(experiments, terms, about, lot)
     for _ in range(_MOST_PASSES):
