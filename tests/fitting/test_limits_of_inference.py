@@ -15,6 +15,7 @@ from eimi_fitting.inference.interval import estimate, profile_likelihood
 from eimi_fitting.inference.interval.budget import Moves, budget
 from eimi_fitting.inference.interval.considered import ConsideredSources, Steps
 from eimi_fitting.inference.interval.draws import normal_draws
+from eimi_fitting.inference.interval.identifiability import directions
 from eimi_fitting.inference.interval.profile_likelihood import Ends, interval_ends
 from eimi_fitting.inference.planning.choice_of_law import Candidate
 from eimi_fitting.inference.planning.exchange import exchange
@@ -208,3 +209,27 @@ def test_a_step_that_is_too_long_is_tried_at_three_tenths_and_a_tenth_of_its_len
     step = there[0] - first[0]
     assert np.abs(step).min() > 1e-3
     np.testing.assert_allclose(shorter, first[0] + np.outer([0.3, 0.1], step))
+
+
+@pytest.mark.parametrize(("share", "steps"), [(0.1, 12), (1.5e-4, 12), (0.9e-4, 1)])
+def test_a_polish_ends_after_twelve_steps_or_one_that_gains_less_than_a_ten_thousandth(
+    share: float, steps: int
+) -> None:
+    calls: list[int] = []
+
+    def evaluate(units: np.ndarray, near: Any) -> Any:
+        calls.append(len(units))
+        found = Wavy(units, 1.0)
+        found.objective_mm = np.full(len(units), (1 + share) ** -len(calls))
+        return found
+
+    found = polish(evaluate, np.array([0.6, 0.2]))
+    assert found.polish.steps == steps
+    assert calls == [5] * (steps + 1)
+
+
+def test_a_direction_names_a_part_with_more_than_a_tenth_of_its_square() -> None:
+    for share, words in ((0.095, "a"), (0.105, "a with b"), (0.2, "a with b")):
+        vector = np.sqrt([1 - share, share])
+        best, *_ = directions(("a", "b"), 100 * np.outer(vector, vector), np.eye(2))
+        assert best.words == words

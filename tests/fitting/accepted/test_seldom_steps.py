@@ -17,9 +17,11 @@ from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.rest_modes import with_modes
 from eimi_fitting.beam.specimen import Specimen
+from eimi_fitting.discovery import terms_of_a_law
 from eimi_fitting.discovery.terms_of_a_law import discover
-from eimi_fitting.inference import corrected_optimum
+from eimi_fitting.inference import corrected_optimum, identification
 from eimi_fitting.inference.doubts.checks import slip_doubts
+from eimi_fitting.inference.evidence._coarse import coarsened
 from eimi_fitting.inference.evidence.corrections import polished
 from eimi_fitting.inference.evidence.experiment import DISCARDED_MM, Experiment
 from eimi_fitting.inference.evidence.measurements import PointObservation
@@ -37,7 +39,7 @@ from eimi_fitting.inference.planning.exchange import exchange
 from eimi_fitting.inference.searching._cma import _Absent
 from eimi_fitting.inference.searching.modulus_range import NothingActs, NothingConverged, narrowed, scanned
 from eimi_fitting.inference.searching.named_causes import NamedCause, doubtful_loads
-from eimi_fitting.inference.searching.polish import polish
+from eimi_fitting.inference.searching.polish import ENOUGH, polish
 from eimi_fitting.laws import LAWS
 from eimi_fitting.laws.search_space import search_space
 from eimi_fitting.laws.sum_of_terms import Term
@@ -382,3 +384,82 @@ def test_a_depth_effect_is_carried_on_while_the_modulus_changes_by_at_most_two_p
     (options,) = asked
     assert options.method == "interpolate"
     assert options.earlier == ("effect" if is_carried else None)
+
+
+class Stopped(Exception):
+    """Ends a fit at the step that a test watches."""
+
+
+def test_a_search_has_twenty_points_a_state_and_ends_early_for_a_beam_that_hardly_moves(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked: list[Any] = []
+
+    def stopped(coarse: Problem, points_: float, **options: Any) -> Any:
+        asked.append((points_, options["enough_mm"], options["most_generations"], options["restarts"], options["seed"]))
+        raise Stopped
+
+    monkeypatch.setattr(identification, "_search", stopped)
+    little = Loads.along((0.1, 0.2, -0.1), gravity_angle_deg=5.0)
+    for one in (experiment(edges(law=NEO)), experiment(edges(BEAM, little, NEO), BEAM, little)):
+        with pytest.raises(Stopped):
+            identify(NEO, [one])
+    (points_, enough, *options), (few, less, *_) = asked
+    assert (points_, few, enough, options) == (80.0, 60.0, 0.5, [400, 0, 1])
+    unmoved = problem(experiment(edges(BEAM, little, NEO), BEAM, little))
+    unmoved_mm = scanned(replace(unmoved, experiments=coarsened(unmoved.experiments)), 60.0).unmoved_mm
+    assert less == pytest.approx(0.14 * unmoved_mm)
+
+
+def test_the_first_polish_is_loose_and_the_later_ones_are_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[float] = []
+
+    def watched(evaluate: Any, unit: Any, start: Any = None, enough: float = ENOUGH) -> Any:
+        asked.append(enough)
+        return polish(evaluate, unit, start, enough)
+
+    monkeypatch.setattr(corrected_optimum, "polish", watched)
+    corrected_optimum.refine(problem(experiment(edges(law=NEO))), np.array([0.5]), 1)
+    assert asked == [1e-2, 1e-4, 1e-4]
+    asked.clear()
+    solid = replace(BEAM, section="solid", depth_mm=4.0)
+    corrected_optimum.refine(problem(polished(experiment(edges(solid, law=NEO), solid))), np.array([0.5]), 1)
+    assert asked[0] == 1e-2
+    assert set(asked[1:]) == {1e-4}
+
+
+def test_terms_are_sought_in_sets_of_three_with_lots_that_differ_by_two_per_cent(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked: list[Any] = []
+
+    def stopped(*given: Any) -> Any:
+        asked.append(given[-2:])
+        raise Stopped
+
+    curve = TensileCurve(np.linspace(0.02, 1.0, 30), 40e3 * np.linspace(0.02, 1.0, 30))
+    monkeypatch.setattr(terms_of_a_law, "_supports", stopped)
+    with pytest.raises(Stopped):
+        discover([], [curve])
+    assert asked[-1][1] == 3
+    monkeypatch.setattr(terms_of_a_law, "_linearised", stopped)
+    for curves, lot in (([curve], 0.02), ([], 0.0)):
+        with pytest.raises(Stopped):
+            discover([experiment(edges(law=NEO))], curves, modulus_Pa=46e3)
+        assert asked[-1][0] == lot
+
+
+def test_a_depth_effect_is_kept_in_seven_states(monkeypatch: pytest.MonkeyPatch) -> None:
+    solid = replace(BEAM, section="solid", depth_mm=4.0)
+    given = problem(polished(experiment(edges(solid, law=NEO), solid)))
+    kept: list[int] = []
+
+    def thinned(most: int) -> Any:
+        kept.append(most)
+        raise Stopped
+
+    change = SimpleNamespace(effects=[SimpleNamespace(thinned=thinned)])
+    monkeypatch.setattr(modulus_so_far, "correction", lambda *given, options: change)
+    with pytest.raises(Stopped):
+        modulus_so_far._with_depth(given, np.array([0.5]), None)
+    assert kept == [7]
