@@ -69,7 +69,7 @@ CASES: dict[str, tuple[str, Any, tuple[NuisancePrior, ...], tuple[str, ...]]] = 
             experiment(edges(STRIP, UNDER_FORCE, seed=3), STRIP, UNDER_FORCE, "2", width=0.02),
         ],
         (NuisancePrior("roll", 0.3),),
-        (*FEW, "width"),
+        ("clamp_offset", "moment", "clamp_softness", "width"),
     ),
     "measured bend": (
         "yeoh",

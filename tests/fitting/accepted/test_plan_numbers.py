@@ -148,7 +148,7 @@ def fits() -> Iterator[str]:
         possible_causes=(),
         restarts=1,
         population=7,
-        most_generations=25,
+        most_generations=14,
     )
     causes = [cause for cause in POSSIBLE_CAUSES if cause.name in ("scale", "moment", "width")]
     yield from fit_of("neo-hookean", [experiment(edges(law="neo-hookean", scale=1.03))], possible_causes=causes)
