@@ -1,8 +1,7 @@
-"""The interface of one kind of load, with its values in each load state and its forces on a mesh.
+"""The interface of one kind of load, with its values in each load state and its forces on a mesh."""
 
-A dead load keeps its direction and size. With the translation U of the rigid magnet and the matrix R of its rotation
-theta, the potential of a dead load on the magnet is -F . U - Q : R - M theta (force F, tensor Q, moment M).
-"""
+# A dead load keeps its direction and size. With the translation U of the rigid magnet and the matrix R of its rotation
+# theta, the potential of a dead load on the magnet is -F . U - Q : R - M theta (force F, tensor Q, moment M).
 
 from __future__ import annotations
 

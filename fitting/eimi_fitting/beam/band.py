@@ -1,7 +1,6 @@
-"""Solve many linear systems with band matrices at once: assembly, and factorisation by LAPACK.
+"""Solve many linear systems with band matrices at once: assembly, and factorisation by LAPACK."""
 
-Each set of parameters of a law has its own system. The matrices are the diagonal blocks of one long band matrix.
-"""
+# Each set of parameters of a law has its own system. The matrices are the diagonal blocks of one long band matrix.
 
 from __future__ import annotations
 

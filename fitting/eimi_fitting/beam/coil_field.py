@@ -1,8 +1,7 @@
-"""The non-uniform field of a coil, and the loads of this field on a magnet and on magnetised silicone.
+"""The non-uniform field of a coil, and the loads of this field on a magnet and on magnetised silicone."""
 
-Fields in the plane of the beam are complex numbers B_x + i B_y. The field at a point is q F, with the field F at the
-magnet at rest and a complex ratio q that depends on the point only. A magnet is replaced by a dipole in its middle.
-"""
+# Fields in the plane of the beam are complex numbers B_x + i B_y. The field at a point is q F, with the field F at the
+# magnet at rest and a complex ratio q that depends on the point only. A magnet is replaced by a dipole in its middle.
 
 from __future__ import annotations
 

@@ -1,12 +1,11 @@
-"""The difference between the solid and the planar model of a beam (the depth effect), interpolated between load states.
+"""The difference between the solid and the planar model of a beam, interpolated between load states."""
 
-The depth effect d is a polynomial in s. For some beams s is the rotation of the tip, for the others the share of the
-full load. With the depth effects d_i at n values s_i,
-
-    d(s) = b(s) + sum_i w_i(s) (d_i - b(s_i)),    w_i(s) = prod_{j != i} (s - s_j) / (s_i - s_j).
-
-The base b is the depth effect of a similar candidate law, or zero.
-"""
+# This difference is called the depth effect d. It is a polynomial in s. For some beams s is the rotation of the tip,
+# for the others the share of the full load. With the depth effects d_i at n values s_i,
+#
+#     d(s) = b(s) + sum_i w_i(s) (d_i - b(s_i)),    w_i(s) = prod_{j != i} (s - s_j) / (s_i - s_j).
+#
+# The base b is the depth effect of a similar candidate law, or zero.
 
 from __future__ import annotations
 
@@ -46,7 +45,7 @@ class BentCandidate:
 
 @dataclass(frozen=True)
 class DepthEffect:
-    """The difference between the solid and the planar model of a beam, as a polynomial of the bending."""
+    """The difference between the solid and the planar model of a beam, interpolated between load states."""
 
     # The polynomial d(s) of the module.
 
@@ -62,7 +61,7 @@ class DepthEffect:
     candidate: BentCandidate | None = None
 
     def at(self, place: float) -> Configuration:
-        """Return the difference between solid and planar configuration at one value of s."""
+        """Interpolate the difference between the solid and the planar model in one load state."""
         # ``place``: s, the rotation of the tip in rad if ``by_turn``, else the load from 0 to 1.
         weights = self._weights(place)
         if self.base is None:
@@ -70,7 +69,7 @@ class DepthEffect:
         return combine([1.0, *weights], [self.base.at(place), *self._from_base])
 
     def displacements(self, places: Array) -> tuple[Array, Array]:
-        """Return the differences between solid and planar displacements at several values of s."""
+        """Interpolate the differences between solid and planar displacements in several load states."""
         # ``places`` (K,): values of s. The results: (K, N, 3) for N nodes in mm, and (K, 3) for the magnet's
         # translation in mm and rotation in rad.
         configurations = self.differences if self.base is None else self._from_base
@@ -86,25 +85,26 @@ class DepthEffect:
         return base_displacement + displacement, base_rigid + turned
 
     def _weights(self, place: float) -> list[float]:
-        """Return the weights of Lagrange's interpolation at one value of s."""
+        """Return the weights of Lagrange's interpolation for one load state."""
         nodes = (*self.places, *self.places_of_base)
         return [prod((place - s) / (t - s) for s in nodes if s != t) for t in self.places]
 
     @cached_property
     def _from_base(self) -> tuple[Configuration, ...]:
-        """The solved differences minus those of the similar law ``base``."""
+        """The values that are interpolated: solved differences, minus those of a similar law."""
         assert self.base
         pairs = zip(self.places, self.differences, strict=True)
         return tuple(combine([1.0, -1.0], [difference, self.base.at(place)]) for place, difference in pairs)
 
     @property
     def places_of_base(self) -> tuple[float, ...]:
-        """The values of s at which the difference is taken from the similar law ``base``: (0.0,) or an empty tuple."""
+        """The load state in which the difference is taken from a similar law, if there is one."""
+        # The rotation 0.0, as a tuple, or an empty tuple.
         return (0.0,) if self.base and self.by_turn else ()
 
     @cached_property
     def without_base(self) -> DepthEffect:
-        """The same polynomial, without a reference to a similar law."""
+        """The same interpolation, written without the reference to a similar law."""
         if self.base is None or not self.places:
             return self.base or self
         scale = self.places[0] / self.base.places[0] if self.by_turn else 1.0
@@ -112,17 +112,17 @@ class DepthEffect:
         return DepthEffect(places, tuple(self.at(place) for place in places), self.by_turn)
 
     def covers(self, places: Array) -> bool:
-        """Return whether the solved load states are enough to interpolate at all given values of s."""
+        """Return whether the solved load states are enough to interpolate in all given load states."""
         return bool(self.without_base.reaches(places).all())
 
     def reaches(self, places: Array) -> NDArray[np.bool_]:
-        """Return whether each value of s is at most 10 % outside the range of the solved states."""
+        """Return whether each load state lies in the range of the solved states, or at most 10 % outside."""
         solved = (*self.places, *self.places_of_base)
         beyond = _EXTRAPOLATED * np.ptp(solved)
         return np.asarray((min(solved) - beyond <= places) & (places <= max(solved) + beyond))
 
     def thinned(self, most: int) -> DepthEffect:
-        """Interpolate between fewer solved load states."""
+        """Return the interpolation between fewer solved load states."""
         chosen = [int(np.argmax(np.abs(self.places)))]
         places = np.array(self.places)
         while len(chosen) < min(most, len(places)):
@@ -132,6 +132,6 @@ class DepthEffect:
         )
 
     def with_one(self, place: float, difference: Configuration) -> DepthEffect:
-        """Add one more solved load state to the interpolation."""
+        """Return the interpolation with one more solved load state."""
         # ``place``: s. ``difference``: solid minus planar configuration at s.
         return DepthEffect((*self.places, place), (*self.differences, difference), self.by_turn, self.base)

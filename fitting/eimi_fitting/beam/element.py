@@ -1,10 +1,9 @@
-"""The planar Q2/P1 element, evaluated for all elements and candidate laws together.
+"""The planar Q2/P1 element, evaluated for all elements and candidate laws together."""
 
-The displacement is quadratic, and the pressure p is linear and discontinuous (Sussman and Bathe 1987, Computers &
-Structures 26:357). The potential of an element is the integral of psi(F) + p (J - 1) - p^2 / (2 K), with the isochoric
-energy psi, the deformation gradient F, its determinant J and the bulk modulus K. An element has two Gauss points along
-the beam and three across.
-"""
+# The displacement is quadratic, and the pressure p is linear and discontinuous (Sussman and Bathe 1987, Computers &
+# Structures 26:357). The potential of an element is the integral of psi(F) + p (J - 1) - p^2 / (2 K), with the
+# isochoric energy psi, the deformation gradient F, its determinant J and the bulk modulus K. An element has two Gauss
+# points along the beam and three across.
 
 from __future__ import annotations
 

@@ -1,9 +1,8 @@
-"""Stress and tangent of an isotropic hyperelastic law in three dimensions, at many points.
+"""Stress and tangent of an isotropic hyperelastic law in three dimensions, at many points."""
 
-The first axis of a symmetric tensor has the components 11, 22, 33, 12, 23, 13. The energy is differentiated by the
-invariants I1 and I2 if the law allows it (Holzapfel, Nonlinear Solid Mechanics, 2000, sections 6.4 and 6.6), and by the
-principal stretches otherwise (Ogden, Non-linear Elastic Deformations, 1997, section 6.1.4).
-"""
+# The first axis of a symmetric tensor has the components 11, 22, 33, 12, 23, 13. The energy is differentiated by the
+# invariants I1 and I2 if the law allows it (Holzapfel, Nonlinear Solid Mechanics, 2000, sections 6.4 and 6.6), and by
+# the principal stretches otherwise (Ogden, Non-linear Elastic Deformations, 1997, section 6.1.4).
 
 from __future__ import annotations
 

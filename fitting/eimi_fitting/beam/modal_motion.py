@@ -1,9 +1,8 @@
-"""The small vibrations of a beam as sums of a few given modes: frequencies and complex rates.
+"""The small vibrations of a beam as sums of a few given modes: frequencies and complex rates."""
 
-A vibration v exp(s t) with the shape v and the complex rate s satisfies (r(s) K_m + K_g + s² M) v = 0. K_m is the
-stiffness due to the tangent of the law, K_g the stiffness due to stresses and loads, M the mass matrix, and r the
-complex modulus divided by the static modulus.
-"""
+# A vibration v exp(s t) with the shape v and the complex rate s satisfies (r(s) K_m + K_g + s² M) v = 0. K_m is the
+# stiffness due to the tangent of the law, K_g the stiffness due to stresses and loads, M the mass matrix, and r the
+# complex modulus divided by the static modulus.
 
 from __future__ import annotations
 
@@ -139,7 +138,7 @@ def squares_by_stiffening(material: Array, rest: Array, mass: Array, stiffening:
 
 
 def _in_unit_mass(material: Array, rest: Array, mass: Array) -> tuple[Array, Array]:
-    """Return K_m and K_g in coordinates in which the mass matrix is the identity."""
+    """Transform two stiffness matrices to coordinates in which the mass matrix is the identity."""
     # ``material``, ``rest``, ``mass`` (B, m, m): K_m, K_g (see the module) and the mass matrix.
     sound = np.isfinite((material + rest + mass).sum(axis=(1, 2)))[:, None, None]
     mass = np.where(sound, mass, np.eye(mass.shape[-1]))

@@ -1,8 +1,7 @@
-"""Pressure on a face: a load that stays normal to the face and proportional to the present length of the face.
+"""Pressure on a face: a load that stays normal to the face and proportional to the present length of the face."""
 
-The nodal forces are linear in the present positions of the nodes, and the tangent is a constant matrix times the
-pressure (Bonet and Wood, Nonlinear Continuum Mechanics for Finite Element Analysis, 2nd ed., section 8.5.2).
-"""
+# The nodal forces are linear in the present positions of the nodes, and the tangent is a constant matrix times the
+# pressure (Bonet and Wood, Nonlinear Continuum Mechanics for Finite Element Analysis, 2nd ed., section 8.5.2).
 
 from __future__ import annotations
 

@@ -1,9 +1,8 @@
-"""Smooth deviations of a specimen from its rest shape, as sums of a few modes.
+"""Smooth deviations of a specimen from its rest shape, as sums of a few modes."""
 
-Let x increase from -1 at the clamp to 1 at the end of the flexible part. Bending mode i = 0, 1, ... has a curvature
-proportional to the Legendre polynomial P_i(x) and a largest offset of 1 mm. A mode of the width adds P_1(x) or P_2(x)
-in mm.
-"""
+# Let x increase from -1 at the clamp to 1 at the end of the flexible part. Bending mode i = 0, 1, ... has a curvature
+# proportional to the Legendre polynomial P_i(x) and a largest offset of 1 mm. A mode of the width adds P_1(x) or P_2(x)
+# in mm.
 
 from __future__ import annotations
 

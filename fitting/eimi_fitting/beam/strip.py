@@ -1,9 +1,8 @@
-"""The geometry of a specimen at rest, as a map from a straight reference beam of constant width and depth.
+"""The geometry of a specimen at rest, as a map from a straight reference beam of constant width and depth."""
 
-With the arc length s from the clamp and the distance t from the centre line, the map is x(s, t) = c(s) + n(s) t w(s) /
-w_0, with the centre line c, its unit normal n, the width w and the width w_0 of the reference beam. The magnet is not
-deformed.
-"""
+# With the arc length s from the clamp and the distance t from the centre line, the map is x(s, t) = c(s) + n(s) t w(s)
+# / w_0, with the centre line c, its unit normal n, the width w and the width w_0 of the reference beam. The magnet is
+# not deformed.
 
 from __future__ import annotations
 

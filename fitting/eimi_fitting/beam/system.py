@@ -1,8 +1,7 @@
-"""The linear system of a Newton step: the nodes, and the three unknowns of a rigid body (the magnet).
+"""The linear system of a Newton step: the nodes, and the three unknowns of a rigid body (the magnet)."""
 
-With the unknowns x of the nodes and y of the body, K x + C y = f and R x + D y = g. If the rows of the body do not fit
-in the band matrix, y is computed from the Schur complement, (D - R K^-1 C) y = g - R K^-1 f.
-"""
+# With the unknowns x of the nodes and y of the body, K x + C y = f and R x + D y = g. If the rows of the body do not
+# fit in the band matrix, y is computed from the Schur complement, (D - R K^-1 C) y = g - R K^-1 f.
 
 from __future__ import annotations
 

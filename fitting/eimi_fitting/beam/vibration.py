@@ -1,9 +1,8 @@
-"""Small vibrations of a beam about a static equilibrium, as sums of a few modes.
+"""Small vibrations of a beam about a static equilibrium, as sums of a few modes."""
 
-A vibration v exp(s t) with the shape v and the complex rate s satisfies (r(s) K_m + K_g + s² M) v = 0. K_m is the
-stiffness due to the tangent of the law, K_g the stiffness due to stresses and loads, M the mass matrix, and r the
-complex modulus divided by the static modulus.
-"""
+# A vibration v exp(s t) with the shape v and the complex rate s satisfies (r(s) K_m + K_g + s² M) v = 0. K_m is the
+# stiffness due to the tangent of the law, K_g the stiffness due to stresses and loads, M the mass matrix, and r the
+# complex modulus divided by the static modulus.
 
 from __future__ import annotations
 

@@ -1,10 +1,9 @@
-"""Linear equations for the coefficients of the terms of a hyperelastic law.
+"""Linear equations for the coefficients of the terms of a hyperelastic law."""
 
-    observed = columns @ coefficients + nuisances @ amplitudes + noise
-
-``noise`` has unit variance. ``amplitudes`` are errors of inputs, such as a width, divided by their standard
-uncertainties, with a standard normal prior. ``nuisances`` are the effects of these errors.
-"""
+#     observed = columns @ coefficients + nuisances @ amplitudes + noise
+#
+# ``noise`` has unit variance. ``amplitudes`` are errors of inputs, such as a width, divided by their standard
+# uncertainties, with a standard normal prior. ``nuisances`` are the effects of these errors.
 
 from __future__ import annotations
 

@@ -1,13 +1,4 @@
-"""Fit every small set of terms of a law, and find the sets that the data cannot distinguish from the best set.
-
-S is the sum of squared prediction errors of a set in a cross-validation, and S_best the smallest S. A set agrees with
-the data if S - S_best <= 1.5 * 2 |delta|, where the vector delta is the difference between the predictions of this set
-and of the best set, in units of the noise, and 2 |delta| is the standard error of S - S_best.
-
-References
-----------
-Hastie, Tibshirani, Friedman (2009), The Elements of Statistical Learning, section 7.10 (one-standard-error rule).
-"""
+"""Fit every small set of terms of a law, and find the sets that the data cannot distinguish from the best set."""
 
 # 1. Every set of up to ``most_terms`` terms is fitted. A set is dropped if one of its coefficients is not positive.
 # 2. Each set gets a sum S of squared prediction errors by cross-validation: every equation is predicted by a fit

@@ -1,16 +1,15 @@
-"""The fit of the viscoelastic (Prony) law of a material to all data together.
+"""The fit of the viscoelastic (Prony) law of a material to all data together."""
 
-A least-squares fit starts at the result of a search by CMA-ES. With the residuals r(x) of the unknowns x, and the prior
-means and standard deviations, it minimises
-
-    chi² = |r(x)|² + sum ((x - mean) / sigma)².
-
-Laplace's approximation of the marginal likelihood Z (MacKay 2003, Information Theory, chapter 27) is
-
-    ln Z = -chi²/2 + ln det(posterior covariance)/2 - ln det(prior covariance)/2.
-
-The chosen number of terms is the smallest number whose ln Z is within 1 of the largest.
-"""
+# A least-squares fit starts at the result of a search by CMA-ES. With the residuals r(x) of the unknowns x, and the
+# prior means and standard deviations, it minimises
+#
+#     chi² = |r(x)|² + sum ((x - mean) / sigma)².
+#
+# Laplace's approximation of the marginal likelihood Z (MacKay 2003, Information Theory, chapter 27) is
+#
+#     ln Z = -chi²/2 + ln det(posterior covariance)/2 - ln det(prior covariance)/2.
+#
+# The chosen number of terms is the smallest number whose ln Z is within 1 of the largest.
 
 from __future__ import annotations
 

@@ -1,10 +1,9 @@
-"""Creep of a loaded beam: the rotation of the tip while the modulus relaxes.
+"""Creep of a loaded beam: the rotation of the tip while the modulus relaxes."""
 
-The rotation theta of the tip represents the curvature of the whole beam, which is assumed to keep its distribution.
-With the relaxing shear modulus mu(t), the integral of mu(t - t') d theta(t') equals m(theta), the moment of the loads.
-Moments are divided by a constant of the beam in m³; their unit is Pa rad. Static solutions with several moduli mu give
-points of the function m(theta), because m = mu theta in equilibrium.
-"""
+# The rotation theta of the tip represents the curvature of the whole beam, which is assumed to keep its distribution.
+# With the relaxing shear modulus mu(t), the integral of mu(t - t') d theta(t') equals m(theta), the moment of the
+# loads. Moments are divided by a constant of the beam in m³; their unit is Pa rad. Static solutions with several moduli
+# mu give points of the function m(theta), because m = mu theta in equilibrium.
 
 from __future__ import annotations
 

@@ -1,17 +1,16 @@
-"""Modal fit: damped vibrations of a beam, fitted to its recorded motion.
+"""Modal fit: damped vibrations of a beam, fitted to its recorded motion."""
 
-Each signal of the recording is a sum of damped vibrations and a slow baseline,
-
-    z(t) = sum_k Re(a_k exp(psi_k(t))) + baseline(t),
-
-with the time t since the first frame, complex amplitudes a_k, and psi_k = (i omega - delta) t with the angular
-frequency omega and the decay rate delta. The first mode changes with the square of its amplitude,
-
-    psi_1(t) = (i omega - delta) t + (i kappa_1 - kappa_2) omega E(t),    E(t) = (1 - exp(-2 delta t)) / (2 delta).
-
-At t = 0 its frequency is higher by the fraction kappa_1, and its loss factor 2 delta / omega by 2 kappa_2. The a_k and
-the baseline are eliminated (Golub and Pereyra 1973, SIAM J. Numer. Anal. 10:413).
-"""
+# Each signal of the recording is a sum of damped vibrations and a slow baseline,
+#
+#     z(t) = sum_k Re(a_k exp(psi_k(t))) + baseline(t),
+#
+# with the time t since the first frame, complex amplitudes a_k, and psi_k = (i omega - delta) t with the angular
+# frequency omega and the decay rate delta. The first mode changes with the square of its amplitude,
+#
+#     psi_1(t) = (i omega - delta) t + (i kappa_1 - kappa_2) omega E(t),    E(t) = (1 - exp(-2 delta t)) / (2 delta).
+#
+# At t = 0 its frequency is higher by the fraction kappa_1, and its loss factor 2 delta / omega by 2 kappa_2. The a_k
+# and the baseline are eliminated (Golub and Pereyra 1973, SIAM J. Numer. Anal. 10:413).
 
 from __future__ import annotations
 

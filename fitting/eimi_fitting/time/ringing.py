@@ -1,15 +1,14 @@
-"""Frequencies and loss factors of the free vibrations of a beam, as functions of its viscoelastic law.
+"""Frequencies and loss factors of the free vibrations of a beam, as functions of its viscoelastic law."""
 
-In a vibration exp(s t), the modulus is the shear modulus at rest times a complex ratio r(s). The rate s of a mode is
-the solution of
-
-    s² = -lambda(r(s)),
-
-where lambda(r) is the squared angular frequency of the undamped mode for the ratio r. It is computed for a few moduli
-and a few real ratios, and interpolated: between the moduli, and by r times a polynomial in 1/r, which also holds for
-complex r. The modes are those of a planar model. Factors correct them to a more accurate model, which is
-three-dimensional if the specimen file has ``section = "solid"``.
-"""
+# In a vibration exp(s t), the modulus is the shear modulus at rest times a complex ratio r(s). The rate s of a mode is
+# the solution of
+#
+#     s² = -lambda(r(s)),
+#
+# where lambda(r) is the squared angular frequency of the undamped mode for the ratio r. It is computed for a few moduli
+# and a few real ratios, and interpolated: between the moduli, and by r times a polynomial in 1/r, which also holds for
+# complex r. The modes are those of a planar model. Factors correct them to a more accurate model, which is
+# three-dimensional if the specimen file has ``section = "solid"``.
 
 from __future__ import annotations
 
@@ -177,7 +176,10 @@ class RingTable:
 
     @cached_property
     def _better(self) -> tuple[Array, float, Array]:
-        """Results of a more accurate beam model, which correct the planar model."""
+        """The results of a more accurate beam model with which the planar model is corrected."""
+        # 1. Its three lowest frequencies, divided by those of the planar model. 2. The factor on the modulus with which
+        # the planar model bends as far as the more accurate model. 3. Its squared angular frequencies for three modes
+        # and two moduli, (3, 2).
         # 1. Its three lowest frequencies, divided by those of the planar model. 2. The factor on the modulus with which
         # the planar model bends as far as the more accurate model. 3. Its squared angular frequencies for three modes
         # and two moduli, (3, 2).

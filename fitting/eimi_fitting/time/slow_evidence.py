@@ -60,7 +60,7 @@ class LoadHistory:
 
 
 def _stiffness_of_gravity(beam: RingingBeam, middle_Pa: float) -> float:
-    """Return the stiffness of a beam that is due to gravity, as a shear modulus in Pa."""
+    """Return the stiffness of a beam that is due to gravity, as an equivalent shear modulus in Pa."""
     # ``middle_Pa``: a shear modulus near the true one.
     motion, _ = beam.vibration(beam.planar()).about(beam.law, beam.parameters(np.array([middle_Pa])), beam.loads)
     return float(middle_Pa * motion.rest[0, 0, 0] / motion.material[0, 0, 0])

@@ -60,11 +60,9 @@ def displacement_per_rad(beam: RingingBeam, modulus_Pa: float, loads: Loads, bef
 def shown_rotations(
     beam: RingingBeam, modulus_Pa: float, rest_mm: Array, signals: Signals, per_rad_mm: Array
 ) -> tuple[Array, Array] | None:
-    """Return rotations of the tip in simulated equilibria, and the rotations that a camera would measure.
-
-    Both are in rad and increasing. They differ if the rotation is large, because the measurement divides displacements
-    by a constant. The result is None if the rotations of soft and stiff beams hardly differ.
-    """
+    """Return true rotations of the tip, and the rotations that are measured instead if a beam is strongly bent."""
+    # Both are in rad and increasing. They differ because the measurement divides displacements by a constant. None if
+    # the rotations of soft and stiff beams hardly differ.
     # ``modulus_Pa``: a typical shear modulus; the equilibria are those of softer and stiffer beams. ``rest_mm`` (p, 2):
     # positions (x, y) of p points at rest. ``per_rad_mm`` (p, 2): their displacements for a rotation by one rad.
     model = beam.planar()

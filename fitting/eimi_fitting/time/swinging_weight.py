@@ -1,16 +1,15 @@
-"""The vibration of a beam with a hanging weight that swings like a pendulum.
+"""The vibration of a beam with a hanging weight that swings like a pendulum."""
 
-With the deflection y of the tip and the sideways displacement x of the weight,
-
-    M y'' + k y + m w c (c y - x) = 0,    x'' + w (x - c y) = 0,
-
-where k is the complex stiffness of the beam, M its mass with the weight, m the mass of the weight, w the squared
-angular frequency of the pendulum, and c y the displacement of the upper end of the thread. The squared complex angular
-frequencies lambda_1 and lambda_2 of the two vibrations give that of the beam without a swing, k / M:
-
-    p_i = Im lambda_i / (Im lambda_1 + Im lambda_2),    w = p_2 Re lambda_1 + p_1 Re lambda_2,
-    k / M = lambda_1 lambda_2 / w.
-"""
+# With the deflection y of the tip and the sideways displacement x of the weight,
+#
+#     M y'' + k y + m w c (c y - x) = 0,    x'' + w (x - c y) = 0,
+#
+# where k is the complex stiffness of the beam, M its mass with the weight, m the mass of the weight, w the squared
+# angular frequency of the pendulum, and c y the displacement of the upper end of the thread. The squared complex
+# angular frequencies lambda_1 and lambda_2 of the two vibrations give that of the beam without a swing, k / M:
+#
+#     p_i = Im lambda_i / (Im lambda_1 + Im lambda_2),    w = p_2 Re lambda_1 + p_1 Re lambda_2,
+#     k / M = lambda_1 lambda_2 / w.
 
 from __future__ import annotations
 
@@ -89,7 +88,7 @@ def _squares(modes: Array) -> NDArray[np.complex128]:
 
 
 def _shares(modes: Array) -> Array:
-    """Return the fraction p_i of the kinetic energy that is in the beam, not in the weight, for two vibrations."""
+    """Return the fraction of the kinetic energy that is in the beam, not in the weight, for each of two vibrations."""
     # Only the beam loses energy, so the losses of the vibrations give these fractions.
     lost = _squares(modes).imag
     return np.asarray(lost / lost.sum())

@@ -1,8 +1,7 @@
-"""The unknowns of a viscoelastic (Prony) law: the shear modulus and the terms of the Prony series.
+"""The unknowns of a viscoelastic (Prony) law: the shear modulus and the terms of the Prony series."""
 
-With n terms, the unknowns are (ln mu_inf, ln h_1 .. ln h_n, ln tau_1 .. ln tau_n), with the long-term shear modulus
-mu_inf, the modulus h_i mu_inf of each term, and the relaxation times tau_i. All priors are normal.
-"""
+# With n terms, the unknowns are (ln mu_inf, ln h_1 .. ln h_n, ln tau_1 .. ln tau_n), with the long-term shear modulus
+# mu_inf, the modulus h_i mu_inf of each term, and the relaxation times tau_i. All priors are normal.
 
 from __future__ import annotations
 
