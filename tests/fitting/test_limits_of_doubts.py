@@ -30,7 +30,7 @@ from eimi_fitting.inference.doubts.deviating_inputs import Deviation
 from eimi_fitting.inference.doubts.edge_coefficients import projection
 from eimi_fitting.inference.doubts.marginal_likelihood import weigh
 from eimi_fitting.inference.doubts.possible_causes import Assumed, of_source
-from eimi_fitting.inference.doubts.signatures import About, Column, Solved
+from eimi_fitting.inference.doubts.signatures import Column, LinearisedFit, Solved
 from eimi_fitting.inference.doubts.table_of_causes import POSSIBLE_CAUSES
 from eimi_fitting.inference.doubts.twisted_picture import tip_twist_per_tilt, without_twist
 from eimi_fitting.inference.evidence.experiment import Experiment
@@ -533,9 +533,9 @@ def test_the_noise_of_tracked_points_counts_a_shift_of_all_points_together() -> 
 
 def test_a_change_of_a_ten_thousandth_of_a_millimetre_is_seen() -> None:
     change = np.array([0.0, 0.5])
-    assert About.is_seen([None, change], 2.1e-4)
-    assert not About.is_seen([None, change], 1.9e-4)
-    assert not About.is_seen([None], 1.0)
+    assert LinearisedFit.is_seen([None, change], 2.1e-4)
+    assert not LinearisedFit.is_seen([None, change], 1.9e-4)
+    assert not LinearisedFit.is_seen([None], 1.0)
 
 
 def test_points_near_the_ends_of_an_edge_are_not_used() -> None:

@@ -271,7 +271,7 @@ def test_causes_of_negligible_size_are_in_no_class(weighing: Any) -> None:
 
 @pytest.mark.parametrize(("solved", "possible"), [(True, ()), (False, ("a",)), (True, ("a", "b"))])
 def test_without_a_cause_that_changes_the_residuals_the_result_is_empty(monkeypatch, solved, possible):
-    monkeypatch.setattr(causes, "About", SimpleNamespace(of=lambda *_: SimpleNamespace(solved=solved)))
+    monkeypatch.setattr(causes, "LinearisedFit", SimpleNamespace(of=lambda *_: SimpleNamespace(solved=solved)))
     monkeypatch.setattr(causes, "columns_of", lambda about, cause: [])
     found = causes.weighed_causes("problem", "optimum", possible=possible)
     assert found == causes.Weighed((), frozenset(), {})

@@ -27,7 +27,7 @@ from eimi_fitting.inference.doubts.edge_coefficients import projection
 from eimi_fitting.inference.doubts.marginal_likelihood import Posterior
 from eimi_fitting.inference.doubts.named_error import estimate_beside
 from eimi_fitting.inference.doubts.possible_causes import PossibleCause
-from eimi_fitting.inference.doubts.signatures import About, Solved, columns_of
+from eimi_fitting.inference.doubts.signatures import LinearisedFit, Solved, columns_of
 from eimi_fitting.inference.doubts.stated_inputs import stated_columns
 from eimi_fitting.inference.doubts.table_of_causes import POSSIBLE_CAUSES
 from eimi_fitting.inference.doubts.weighing import Weighing
@@ -122,7 +122,7 @@ def weighed_with(end: SearchEnd, causes: list[PossibleCause]) -> tuple[Weighed, 
 def of_case(name: str) -> Iterator[str]:
     end, given = ended(name)
     causes = [NAMES[key] for key in CASES[name][3]]
-    about = About.of(end.problem, end.optimum, causes)
+    about = LinearisedFit.of(end.problem, end.optimum, causes)
     for key in ("kept", "law_spread", "slopes", "residuals", "used", "in_error"):
         yield from described(getattr(about, key), f"about.{key}")
     columns = {cause: found for cause in causes if (found := columns_of(about, cause))}
@@ -170,7 +170,7 @@ def of_changes(name: str, one: Experiment) -> Iterator[str]:
     end, _ = ended("measured bend")
     cause = NAMES[name]
     sizes = np.array(cause.sizes) * np.linspace(1.0, -0.7, len(cause.sizes))
-    about = About.of(replace(end.problem, experiments=(one,)), end.optimum, [cause])
+    about = LinearisedFit.of(replace(end.problem, experiments=(one,)), end.optimum, [cause])
     assumed = about.solved[0].assumed
     for factor in (1.0, -0.6, 0.0):
         changed = cause.change(assumed, factor * sizes)

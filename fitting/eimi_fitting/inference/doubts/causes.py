@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from eimi_fitting.inference.doubts.collinear_causes import shared_equally
 from eimi_fitting.inference.doubts.deviating_inputs import Deviation, deviations
 from eimi_fitting.inference.doubts.possible_causes import PossibleCause
-from eimi_fitting.inference.doubts.signatures import About, columns_of
+from eimi_fitting.inference.doubts.signatures import LinearisedFit, columns_of
 from eimi_fitting.inference.doubts.stated_inputs import stated_columns
 from eimi_fitting.inference.doubts.table_of_causes import POSSIBLE_CAUSES
 from eimi_fitting.inference.doubts.weighing import Weighing
@@ -90,14 +90,14 @@ def weighed_causes(
     # The probability of a hypothesis with h of the M errors is proportional to p(r | hypothesis) (M - 1)^-h.
     if not possible:
         return Weighed((), frozenset(), {})
-    about = About.of(problem, optimum, possible)
-    if not about.solved:
+    fit = LinearisedFit.of(problem, optimum, possible)
+    if not fit.solved:
         return Weighed((), frozenset(), {})
-    columns_by_cause = {cause: columns for cause in possible if (columns := columns_of(about, cause))}
+    columns_by_cause = {cause: columns for cause in possible if (columns := columns_of(fit, cause))}
     # The result is empty if no error changes the residuals, or if the optimum has no equilibrium.
     if not columns_by_cause:
         return Weighed((), frozenset(), {})
-    weighing = Weighing(about, effects, stated_columns(about, possible), columns_by_cause)
+    weighing = Weighing(fit, effects, stated_columns(fit, possible), columns_by_cause)
     posterior = weighing.evidence_of_sets()
     of_causes = weighing.classes(posterior)
     score = shared_equally(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from eimi_fitting.inference.doubts.edge_coefficients import Projection
 from eimi_fitting.inference.doubts.possible_causes import PossibleCause
-from eimi_fitting.inference.doubts.signatures import About, Column
+from eimi_fitting.inference.doubts.signatures import Column, LinearisedFit
 from eimi_fitting.inference.evidence.quantity import NORMAL_95
 from eimi_fitting.inference.interval.noise import Effect
 
@@ -46,7 +46,7 @@ class Coefficients:
 
     @staticmethod
     def of(
-        about: About,
+        fit: LinearisedFit,
         project: Projection,
         effects: Sequence[Effect],
         stated: Mapping[PossibleCause, Sequence[Column]],
@@ -56,10 +56,10 @@ class Coefficients:
         # The error of the meshes is largest in the corners at the clamp, where it acts as a softer or stiffer clamp.
         corners = [c for cause, columns in columns_by_cause.items() if cause.name == "clamp_softness" for c in columns]
         inputs, of_causes = ([c for cs in some.values() for c in cs] for some in (stated, columns_by_cause))
-        law = len(about.law_spread)
+        law = len(fit.law_spread)
         common = law + len(inputs) + len(effects) + len(corners)
         scale = [
-            *about.law_spread,
+            *fit.law_spread,
             *(column.size for column in inputs),
             *(effect.remaining_share for effect in effects),
             *([_CORNERS_MM] * len(corners)),
@@ -71,7 +71,7 @@ class Coefficients:
             *(effect.correction.changes for effect in effects),
             *(column.changes for column in (*corners, *of_causes)),
         ]
-        slopes = [project.of(about.slopes), *(project.of(change)[None] for change in changes)]
+        slopes = [project.of(fit.slopes), *(project.of(change)[None] for change in changes)]
         # The last row is zero, for lists of indices that are filled up to one length.
         size = slopes[0].shape[-1]
         remaining = [effect.remaining_share / NORMAL_95 * project.of(effect.correction.changes) for effect in effects]

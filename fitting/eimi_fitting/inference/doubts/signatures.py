@@ -126,7 +126,7 @@ def _bends_alike(assumed: Assumed, bent: Experiment, before: Solved) -> bool:
 
 
 @dataclass(frozen=True)
-class About:
+class LinearisedFit:
     """The optimum of a fit, with the derivatives of its residuals by the unknowns."""
 
     problem: Problem
@@ -148,10 +148,10 @@ class About:
     solved: tuple[Solved, ...]
 
     @staticmethod
-    def of(problem: Problem, optimum: Optimum[Evaluation], causes: Sequence[PossibleCause]) -> About:
+    def of(problem: Problem, optimum: Optimum[Evaluation], causes: Sequence[PossibleCause]) -> LinearisedFit:
         """Simulate the optimum of a fit, and compute the derivatives of its residuals by the unknowns."""
         # An unknown that is a cause is left out of the derivatives.
-        about, sources = linearise(problem, optimum), {cause.source for cause in causes}
+        linear, sources = linearise(problem, optimum), {cause.source for cause in causes}
         freed = problem.unknowns.freed
         is_kept = np.array([*[True] * problem.unknowns.searched, *(n.source not in sources for n in freed)])
         kept = np.flatnonzero(is_kept)
@@ -160,18 +160,19 @@ class About:
             for i, experiment in enumerate(problem.experiments)
         ]
         complete = tuple(one for one in solved if one is not None)
-        return About(
+        return LinearisedFit(
             problem,
             optimum.unit,
             kept,
-            1 / np.sqrt(np.diag(about.hessian - about.information + about.curve_slopes @ about.curve_slopes.T)[kept]),
-            tuple(states.slopes[kept] for states in about.states),
-            tuple(states.residuals for states in about.states),
+            1
+            / np.sqrt(np.diag(linear.hessian - linear.information + linear.curve_slopes @ linear.curve_slopes.T)[kept]),
+            tuple(states.slopes[kept] for states in linear.states),
+            tuple(states.residuals for states in linear.states),
             tuple(
                 states.used if one is None else states.used * one.between_ends()
-                for states, one in zip(about.states, solved, strict=True)
+                for states, one in zip(linear.states, solved, strict=True)
             ),
-            tuple(states.used for states in about.states),
+            tuple(states.used for states in linear.states),
             complete if len(complete) == len(solved) else (),  # empty if an experiment has no equilibrium
         )
 
@@ -249,18 +250,17 @@ def _assumed(problem: Problem, unit: Array, dataset: int, model: BeamModel) -> A
     return Assumed(problem.law, unknowns.parameters(unit[None]), unknowns.bulk_modulus_Pa(unit[None]), plain, freed)
 
 
-def columns_of(about: About, cause: PossibleCause) -> tuple[Column, ...]:
+def columns_of(fit: LinearisedFit, cause: PossibleCause) -> tuple[Column, ...]:
     """Compute how each component of a systematic error, such as the x of a shift, changes the residuals."""
     columns = []
-    for datasets, uncertainty in _groups(about.problem, cause):
+    for datasets, uncertainty in _groups(fit.problem, cause):
         for part, usual in enumerate(cause.sizes):
             size = max(usual, uncertainty)
             changes = tuple(
-                signature(about.solved[i], cause, part, size) if i in datasets else None
-                for i in range(len(about.solved))
+                signature(fit.solved[i], cause, part, size) if i in datasets else None for i in range(len(fit.solved))
             )
-            if about.is_seen(changes, size):
-                columns.append(Column(part, datasets, size, about.start(cause, part, datasets[0]), changes))
+            if fit.is_seen(changes, size):
+                columns.append(Column(part, datasets, size, fit.start(cause, part, datasets[0]), changes))
     return tuple(columns)
 
 

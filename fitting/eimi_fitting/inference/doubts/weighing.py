@@ -14,7 +14,7 @@ from eimi_fitting.inference.doubts.collinear_causes import classes
 from eimi_fitting.inference.doubts.edge_coefficients import projection
 from eimi_fitting.inference.doubts.marginal_likelihood import Posterior, weigh
 from eimi_fitting.inference.doubts.possible_causes import PossibleCause
-from eimi_fitting.inference.doubts.signatures import About, Column
+from eimi_fitting.inference.doubts.signatures import Column, LinearisedFit
 from eimi_fitting.inference.interval.noise import Effect
 
 Array = NDArray[np.float64]
@@ -57,14 +57,14 @@ class Weighing:
 
     def __init__(
         self,
-        about: About,
+        fit: LinearisedFit,
         effects: Sequence[Effect],
         stated: Mapping[PossibleCause, Sequence[Column]],
         columns_by_cause: Mapping[PossibleCause, Sequence[Column]],
     ) -> None:
-        self._about, self._causes, self._inputs = about, tuple(columns_by_cause), tuple(stated)
-        self._project = projection(about.problem.experiments, about.residuals, about.used)
-        coefficients = Coefficients.of(about, self._project, effects, stated, columns_by_cause)
+        self._about, self._causes, self._inputs = fit, tuple(columns_by_cause), tuple(stated)
+        self._project = projection(fit.problem.experiments, fit.residuals, fit.used)
+        coefficients = Coefficients.of(fit, self._project, effects, stated, columns_by_cause)
         self._coefficients, self._columns = coefficients, coefficients.columns
         self._rows, self._scale, self.blocks = coefficients.rows, coefficients.scale, coefficients.of_causes
         self._law, self._simulated_common = coefficients.law, coefficients.simulated
@@ -84,7 +84,7 @@ class Weighing:
         # Each of the M causes is present with the prior probability 1 / M.
         self.log_prior = -self._log_odds * np.array([len(h) for h in self.hypotheses], float)
         # What the residuals were if the freed and measured inputs had their stated values.
-        self._stated = [np.array(residual) for residual in about.residuals]
+        self._stated = [np.array(residual) for residual in fit.residuals]
         for column in self._columns:
             for residual, change in zip(self._stated, column.changes, strict=True):
                 if change is not None:
