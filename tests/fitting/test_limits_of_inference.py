@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eimi_fitting.inference.evidence.measurements import Misfit
+from eimi_fitting.inference.evidence.measurements import EdgeObservation, Misfit, PointObservation
 from eimi_fitting.inference.evidence.quantity import Quantity
 from eimi_fitting.inference.evidence.unknowns import SharedUnknowns
 from eimi_fitting.inference.interval import estimate, profile_likelihood
@@ -233,3 +233,21 @@ def test_a_direction_names_a_part_with_more_than_a_tenth_of_its_square() -> None
         vector = np.sqrt([1 - share, share])
         best, *_ = directions(("a", "b"), 100 * np.outer(vector, vector), np.eye(2))
         assert best.words == words
+
+
+def test_one_measured_point_has_its_own_distance_as_the_error() -> None:
+    edge = EdgeObservation(np.zeros((2, 2, 3, 2)), np.full((2, 2, 3), np.inf))
+    edge.sigma_mm[0, 1, 2] = 0.01
+    residuals = np.zeros((1, 2, 2, 3))
+    residuals[0, 0, 1, 2] = -0.3
+    found = edge.of_residuals(residuals)
+    assert (found.error_mm.tolist(), found.deviation_mm.tolist()) == ([[0.3, 0.0]], [[0.0, 0.0]])
+    assert found.weights.sum() == 1.0
+    point = PointObservation(np.zeros((2, 3, 2)), np.zeros((2, 3, 2)), np.full((2, 3), np.inf))
+    point.sigma_mm[0, 1] = 0.01
+    residuals = np.zeros((1, 2, 2, 3))
+    residuals[0, 0, :, 1] = 0.3, -0.4
+    found = point.of_residuals(residuals)
+    assert found.error_mm[0].tolist() == pytest.approx([0.5, 0.0])
+    assert found.deviation_mm[0].tolist() == [0.0, 0.0]
+    assert found.weights.sum() == 1.0

@@ -18,7 +18,9 @@ from eimi_fitting.beam.rest_modes import with_modes
 from eimi_fitting.beam.specimen import Specimen
 from eimi_fitting.inference.doubts.table_of_causes import POSSIBLE_CAUSES
 from eimi_fitting.inference.evidence.experiment import Experiment
+from eimi_fitting.inference.evidence.parameter_priors import Prior
 from eimi_fitting.inference.evidence.sources import StatedSource
+from eimi_fitting.inference.evidence.tensile_curves import TensileCurve
 from eimi_fitting.inference.identification import identify
 from eimi_fitting.inference.planning import modulus_so_far, section_bias
 from eimi_fitting.inference.planning.compressibility import compressibility_bias
@@ -29,6 +31,7 @@ from eimi_fitting.inference.planning.sensitivity import edge_sensitivity
 from eimi_fitting.inference.searching.measured_rest_shape import measured_rest_shape
 from eimi_fitting.inference.searching.search import search
 from eimi_fitting.laws import LAWS
+from eimi_fitting.laws.tensile import engineering_stress
 from tests.shared.accepted_numbers import check, described
 from tests.shared.quick_fits import BEAM, LOADS, PARAMETERS, edges, experiment, points
 
@@ -129,6 +132,7 @@ def searches() -> Iterator[str]:
         }
         yield from described(summary, name)
         yield from described([found.history[0], found.history[-1], len(kept)], name)
+        yield from described(np.array([generation.discarded for generation in found.history]), f"{name} discarded")
         again = search(Valley, n, replay=kept[: len(kept) // 2], **options)
         assert again.history == found.history
 
@@ -141,11 +145,16 @@ def fit_of(law: str, experiments: list[Experiment], **options: Any) -> Iterator[
 
 
 def fits() -> Iterator[str]:
+    strain = np.linspace(0.02, 0.6, 12)
+    stress = engineering_stress(LAWS["mooney-rivlin"], np.array([PARAMETERS["mooney-rivlin"]]), strain)[0]
+    pulled = TensileCurve(strain, 1.02 * stress + np.random.default_rng(4).normal(0, 150.0, 12))
     yield from fit_of("neo-hookean", [experiment(edges(law="neo-hookean"), width=0.02, background_field=0.02)])
     yield from fit_of(
         "mooney-rivlin",
         [experiment(edges(), remanence=0.02), experiment(points(STRIP, UNDER_FORCE), STRIP, UNDER_FORCE)],
         possible_causes=(),
+        tensile=(pulled,),
+        priors=(Prior("C01", 5e3, 2e3),),
         restarts=1,
         population=7,
         most_generations=14,

@@ -463,3 +463,21 @@ def test_a_depth_effect_is_kept_in_seven_states(monkeypatch: pytest.MonkeyPatch)
     with pytest.raises(Stopped):
         modulus_so_far._with_depth(given, np.array([0.5]), None)
     assert kept == [7]
+
+
+def test_a_solid_without_a_depth_effect_has_the_planar_modulus_without_its_bias(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    solid = replace(BEAM, section="solid", depth_mm=4.0)
+    one = experiment(edges(solid, law=NEO), solid)
+    monkeypatch.setattr(modulus_so_far, "_with_depth", lambda problem, unit, before: None)
+    found = []
+    for bias in (0.0, 0.25):
+        monkeypatch.setattr(modulus_so_far, "expected_bias", lambda specimen, bias=bias: bias)
+        found.append(modulus_so_far.modulus_so_far(one))
+    plain, corrected = found
+    assert corrected.value_Pa == pytest.approx(plain.value_Pa / 1.25)
+    assert corrected.interval_95_Pa == pytest.approx(tuple(end / 1.25 for end in plain.interval_95_Pa))
+    assert corrected.noise_Pa == pytest.approx(plain.noise_Pa / 1.25)
+    assert corrected.narrowest_Pa == corrected.width_Pa == pytest.approx(plain.width_Pa / 1.25)
+    assert (plain.depth, corrected.depth, plain.limited_by) == (None, None, "the noise of the edges")
