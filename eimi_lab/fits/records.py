@@ -233,6 +233,7 @@ class FitRecord(IdentifiedLaw, LawRecord):
     def to_xarray(self) -> Any:
         """Return an xarray.Dataset of parameters, intervals and errors. Raises ImportError without xarray."""
         quantities = self._quantities()
+        unknowns = list(self.draws.names) if self.draws else []
         draws, ends = np.array(self.draws.values if self.draws else ()), [q.interval_95 for q in quantities.values()]
         by_state = {
             name: ("state", np.array([getattr(state, key) for state in self.by_state]), {"units": unit})
@@ -241,14 +242,14 @@ class FitRecord(IdentifiedLaw, LawRecord):
         variables = {
             "value": ("parameter", np.array([q.value for q in quantities.values()])),
             "interval_95": (("parameter", "end"), np.array(ends)),
-            "draw": (("sample", "unknown"), draws.reshape(len(draws), -1)),
+            "draw": (("sample", "unknown"), draws.reshape(len(draws), len(unknowns))),
             **by_state,
         }
         coordinates = {
             "parameter": list(quantities),
             "unit": ("parameter", [q.unit for q in quantities.values()]),
             "end": ["low", "high"],
-            "unknown": list(self.draws.names) if self.draws else [],
+            "unknown": unknowns,
             "field": ("state", np.array([state.field_mT for state in self.by_state]), {"units": "mT"}),
             "dataset": ("state", [state.dataset for state in self.by_state]),
             "number": ("state", [state.state for state in self.by_state]),

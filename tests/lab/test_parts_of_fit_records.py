@@ -24,8 +24,11 @@ from eimi_lab.fits import (
     fits_file,
     fitting,
     measured_conditions,
+    measured_remarks,
     predicted_error,
+    recorded_motions,
     records,
+    simulated_fit,
 )
 from eimi_lab.fits.law_record import LawRecord, Stability
 from eimi_lab.fits.perspective import SeenDepth
@@ -438,6 +441,129 @@ def test_residuals_are_tables_with_their_edges_and_arc_lengths() -> None:
     assert cube["edge"].values.tolist() == ["left", "right"]
     assert cube.attrs == {"path": "a.h5"}
     assert cube["arc_length"].values[0].tolist() == [[10.0, 11.0], [12.0, 13.0]]
+
+
+def test_a_fit_is_an_xarray_with_its_draws_and_its_states() -> None:
+    fit = bending(
+        "yeoh",
+        parameters={f"C{i}0": Quantity(10.0**i, "Pa", (1.0 * i, 2e3)) for i in (1, 2, 3)},
+        initial_shear_modulus=Quantity(50e3, "Pa", (49e3, 51e3)),
+        draws=Draws(1, ("C10", "C20", "C30", "moment"), ((1.0, 2.0, 3.0, 0.1), (4.0, 5.0, 6.0, 0.2))),
+        by_state=tuple(
+            SimpleNamespace(error_mm=0.1 * k, deviation_mm=0.2 * k, field_mT=1.5 * k, dataset=k % 2, state=10 + k)
+            for k in (1, 2, 3)
+        ),
+    )
+    cube = fit.to_xarray()
+    assert cube.attrs == {"law": "yeoh"}
+    names = ["C10", "C20", "C30", "initial_shear_modulus"]
+    assert cube["parameter"].values.tolist() == names
+    assert cube["value"].values.tolist() == [10.0, 100.0, 1000.0, 50e3]
+    assert cube["interval_95"].dims == ("parameter", "end")
+    assert cube["interval_95"].values.tolist() == [[1.0, 2e3], [2.0, 2e3], [3.0, 2e3], [49e3, 51e3]]
+    assert cube["end"].values.tolist() == ["low", "high"]
+    assert cube["unit"].values.tolist() == ["Pa"] * 4
+    assert cube["draw"].values.tolist() == [[1.0, 2.0, 3.0, 0.1], [4.0, 5.0, 6.0, 0.2]]
+    assert cube["unknown"].values.tolist() == ["C10", "C20", "C30", "moment"]
+    assert cube["error"].values == pytest.approx([0.1, 0.2, 0.3])
+    assert cube["deviation"].values == pytest.approx([0.2, 0.4, 0.6])
+    assert cube["error"].attrs == cube["deviation"].attrs == {"units": "mm"}
+    assert cube["field"].values.tolist() == [1.5, 3.0, 4.5]
+    assert cube["field"].attrs == {"units": "mT"}
+    assert (cube["dataset"].values.tolist(), cube["number"].values.tolist()) == ([1, 0, 1], [11, 12, 13])
+    object.__setattr__(fit, "draws", None)
+    without = fit.to_xarray()
+    assert without["draw"].shape == (0, 0)
+    assert without["unknown"].values.tolist() == []
+
+
+def test_what_was_measured_of_a_dataset_is_remarked() -> None:
+    heating = SimpleNamespace(in_words="at 25 °C")
+    warm: Any = SimpleNamespace(path="run.h5", heating=heating)
+    cold: Any = SimpleNamespace(path="run.h5", heating=None)
+    assert measured_remarks.heating_remark(warm) == "run.h5: the coil was at at 25 °C"
+    assert measured_remarks.heating_remark(cold) is None
+
+
+def test_the_field_of_a_motion_is_that_of_the_measured_line_or_of_the_coil_constant(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(recorded_motions, "loads_of_states", lambda data, states: states)
+
+    def state(**more: Any) -> Any:
+        (one,) = recorded_motions._loads(dataset(**more), 2.0, 0.05)
+        return one
+
+    assert (state().field_mT, state().current_A, state().tip_force_N) == (0.0, 2.0, 0.05)
+    assert state(of=calibration()).field_mT == pytest.approx(9.4)
+    assert state(of=calibration(mT_per_A=None)).field_mT == 0.0
+    line = SimpleNamespace(mT_per_A=5.0)
+    assert state(of=calibration(), field_line=line).field_mT == 10.0
+    with pytest.raises(InputError, match=r"run\.h5: a weight of 0\.05 N hangs at the tip, but in this dataset gravity"):
+        state(gravity=False)
+    (still,) = recorded_motions._loads(dataset(gravity=False), 2.0, 0.0)
+    assert still.tip_force_N == 0.0
+
+
+def test_the_corrections_of_a_fit_are_the_start_for_the_next_fits(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[Any] = []
+
+    def simulated(data: Any, law: Any, near: Any, plain: Any, method: str) -> Any:
+        seen.append((data, law.fit, list(near), plain, method))
+        depth = SimpleNamespace(without_shapes=lambda: f"depth of {law.fit}")
+        return f"prediction of {law.fit}", None if law.fit == "b" else depth
+
+    monkeypatch.setattr(simulated_fit, "_simulated", simulated)
+    monkeypatch.setattr(simulated_fit, "_planar_comparisons", lambda data, fits: [f"plain {fit}" for fit in fits])
+    laws: Any = [SimpleNamespace(fit=name) for name in "abc"]
+    data: Any = "data"
+    assert list(simulated_fit.simulate_each(data, laws)) == [f"prediction of {name}" for name in "abc"]
+    assert seen == [
+        ("data", "a", [], "plain a", "interpolate"),
+        ("data", "b", ["depth of a"], "plain b", "interpolate"),
+        ("data", "c", ["depth of a"], "plain c", "interpolate"),
+    ]
+    assert simulated_fit.simulate_alone(data, laws[2]) == "prediction of c"  # type: ignore[comparison-overlap]
+    assert seen[-1] == ("data", "c", [], "plain c", "follow")
+
+
+def test_fits_of_one_law_are_simulated_together_unless_they_assume_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[Any] = []
+
+    class Assumed:
+        def __init__(self, fit: Any) -> None:
+            self.bulk_modulus_Pa, self.setup = fit.bulk, fit.setup
+
+        def applied(self, experiment: Any) -> Any:
+            return f"applied {experiment}"
+
+        def compared(self, model: str, values: np.ndarray, experiment: Any) -> Any:
+            made.append((model, values.tolist(), experiment))
+            return SimpleNamespace(take=lambda rows: (model, values[rows].tolist()))
+
+    monkeypatch.setattr(simulated_fit, "assumptions_of", lambda fit, data, count: Assumed(fit))
+    monkeypatch.setattr(simulated_fit, "polished", lambda experiment: f"polished {experiment}")
+
+    def fit(model: str, value: float, bulk: Any = None, setup: Any = None) -> Any:
+        return SimpleNamespace(model=model, values=lambda: [value], bulk=bulk, setup=setup)
+
+    data: Any = SimpleNamespace(experiment="experiment")
+    fits = [
+        fit("yeoh", 1.0),
+        fit("ogden", 2.0),
+        fit("yeoh", 3.0, bulk=7.0),
+        fit("yeoh", 4.0),
+        fit("ogden", 5.0, setup=1),
+    ]
+    found: Any = simulated_fit._planar_comparisons(data, fits)
+    assert found == [("yeoh", [[1.0]]), ("ogden", [[2.0]]), ("yeoh", [[3.0]]), ("yeoh", [[4.0]]), ("ogden", [[5.0]])]
+    words = "polished applied experiment"
+    assert made == [
+        ("yeoh", [[1.0], [4.0]], words),
+        ("ogden", [[2.0]], words),
+        ("yeoh", [[3.0]], words),
+        ("ogden", [[5.0]], words),
+    ]
 
 
 # Comparisons
