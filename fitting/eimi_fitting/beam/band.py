@@ -87,7 +87,7 @@ class BandAssembly:
         return indices
 
     def divided(self, element_matrices: Array) -> Iterator[Array]:
-        """Divide the element matrices into the groups that `matrix` needs."""
+        """Divide the element matrices into the groups in which they are assembled."""
         # (E, B, d, d) for E elements and B systems.
         return (element_matrices[part] for part in self.parts)
 
@@ -155,19 +155,12 @@ def _columns(right: Array) -> Array:
 def factorise(
     band: Array, sound: NDArray[np.bool_], upper: Array | None = None, only_definite: bool = False
 ) -> BandFactor:
-    """Factorise band matrices: positive definite matrices by Cholesky's method, other matrices by LU with pivoting.
-
-    Parameters
-    ----------
-    band : ndarray, shape (B, n, w)
-        Lower bands of B matrices with n rows and w diagonals.
-    sound : ndarray of bool, shape (B,)
-        True for the matrices that are factorised.
-    upper : ndarray, shape (B, n, w), or None
-        Lower bands of the transposed matrices; None if the matrices are symmetric.
-    only_definite : bool
-        Mark symmetric matrices that are not positive definite as not sound. The factors then overwrite ``band``.
-    """
+    """Factorise band matrices: positive definite matrices by Cholesky's method, other matrices by LU with pivoting."""
+    # ``band`` (B, n, w): lower bands of B matrices with n rows and w diagonals.
+    # ``sound`` (B,): true for the matrices that are factorised.
+    # ``upper`` (B, n, w): lower bands of the transposed matrices; None if the matrices are symmetric.
+    # ``only_definite``: mark symmetric matrices that are not positive definite as not sound. The factors then overwrite
+    # ``band``.
     sound = sound & bounded(band)
     band, k = _with_identity(band, sound), band.shape[-1] - 1
     if upper is not None:

@@ -189,7 +189,7 @@ def tangents(ops: Operators, ev: Evaluation, predicted: Array) -> Iterator[Array
 
 
 def volume_coupling(ops: Operators, ev: Evaluation) -> Array:
-    """Return the derivatives of the elements' volumes with respect to their displacements in mm²."""
+    """Return the derivatives of the elements' volumes with respect to the nodal displacements in mm²."""
     # (E, B, 81, 4): the volume is weighted by each of four pressure functions.
     n, b = ev.J.shape[:2]
     cofactor = isotropy.turned(ev.F, ev.volume).transpose(2, 3, 0, 1, 4).reshape(n, b * 3, 3 * POINTS)

@@ -248,7 +248,7 @@ def volume_gap(ops: Operators, batch: Batch, ev: Evaluation, pressure: Array) ->
 
 
 def volume_coupling(ops: Operators, ev: Evaluation) -> Array:
-    """Return the derivatives of the elements' volumes with respect to their displacements in mm."""
+    """Return the derivatives of the elements' volumes with respect to the nodal displacements in mm."""
     # (E, B, 18, 3): the volume per mm of depth is weighted by each of three pressure functions.
     (f11, f12), (f21, f22) = ev.F
     n, b = f11.shape[:2]

@@ -281,32 +281,16 @@ class Solid:
         few: int | None = None,
         only_try: bool = False,
     ) -> tuple[Configuration, NDArray[np.int8], NDArray[np.intp]]:
-        """Find the equilibrium of all candidate laws by Newton's method, and check whether it is stable.
-
-        Parameters
-        ----------
-        batch : Batch
-            The B candidate laws.
-        loads : SolidLoads
-            The loads on the mesh.
-        start : Configuration
-            The configuration at which Newton's method begins.
-        tolerance_mm : float
-            Largest displacement of a node in the last step.
-        few : int or None
-            Largest number of iterations; None: 25.
-        only_try : bool
-            Give up a candidate as soon as the matrix to be factorised is not positive definite.
-
-        Returns
-        -------
-        configuration : Configuration
-            The equilibrium, or the configuration at which the method failed.
-        status : ndarray, shape (B,)
-            `Status` of each candidate.
-        iterations : ndarray, shape (B,)
-            Number of tangent stiffnesses that were computed.
-        """
+        """Find the equilibrium of all candidate laws by Newton's method, and check whether it is stable."""
+        # ``batch``: the B candidate laws.
+        # ``loads``: the loads on the mesh.
+        # ``start``: the configuration at which Newton's method begins.
+        # ``tolerance_mm``: largest displacement of a node in the last step.
+        # ``few``: largest number of iterations; None: 25.
+        # ``only_try``: give up a candidate as soon as the matrix to be factorised is not positive definite.
+        # The results: ``configuration``: the equilibrium, or the configuration at which the method failed.
+        # ``status`` (B,): `Status` of each candidate.
+        # ``iterations`` (B,): number of tangent stiffnesses that were computed.
         size = float(np.ptp(self.mesh.nodes, axis=0).max())
         now = start.copy()
         if self.body:

@@ -61,23 +61,13 @@ class ReducedMotion:
 def complex_roots(
     material: Array, rest: Array, mass: Array, ratio: Callable[[ComplexArray], ComplexArray], count: int = 3
 ) -> ComplexArray:
-    """Solve det(r(s) K_m + K_g + s² M) = 0 for the complex rates s of damped vibrations.
-
-    Parameters
-    ----------
-    material, rest, mass : ndarray, shape (B, m, m)
-        K_m, K_g and M of B candidate laws: the stiffness due to the tangent of the law, the stiffness due to stresses
-        and loads, and the mass.
-    ratio : callable
-        The function r(s): the complex modulus divided by the static modulus.
-    count : int
-        Number of modes; at most m are returned.
-
-    Returns
-    -------
-    ndarray of complex, shape (B, count)
-        The rates in 1/s; NaN for a mode that does not vibrate.
-    """
+    """Compute the complex rates of damped vibrations from stiffness, mass and the complex modulus."""
+    # The rates s solve det(r(s) K_m + K_g + s² M) = 0.
+    # ``material``, ``rest``, ``mass`` (B, m, m): K_m, K_g and M of B candidate laws: the stiffness due to the tangent
+    # of the law, the stiffness due to stresses and loads, and the mass.
+    # ``ratio``: the function r(s): the complex modulus divided by the static modulus.
+    # ``count``: number of modes; at most m are returned.
+    # The result (B, count): the rates in 1/s; NaN for a mode that does not vibrate.
     count = min(count, material.shape[-1])
     of_material, of_rest = (part[:, None] for part in _in_unit_mass(material, rest, mass))
     modes = np.arange(count)
@@ -94,22 +84,13 @@ def fixed_point(
     ratio: Callable[[ComplexArray], ComplexArray],
     size: tuple[int, int],
 ) -> ComplexArray:
-    """Solve s² = -lambda(r(s)) for the complex rates s of a viscoelastic beam.
-
-    Parameters
-    ----------
-    squares : callable
-        The function lambda(r): squared angular frequencies without damping for r times the static modulus, (B, count).
-    ratio : callable
-        The function r(s): the complex modulus divided by the static modulus.
-    size : tuple of int
-        The number B of candidate laws, and the number of modes (count).
-
-    Returns
-    -------
-    ndarray of complex, shape (B, count)
-        The rates in 1/s; NaN if the iteration does not converge, or if the mode does not vibrate.
-    """
+    """Compute the complex rates of a beam's damped vibrations from its undamped frequencies."""
+    # The rates s solve s² = -lambda(r(s)).
+    # ``squares``: the function lambda(r): squared angular frequencies without damping for r times the static modulus,
+    # (B, count).
+    # ``ratio``: the function r(s): the complex modulus divided by the static modulus.
+    # ``size``: the number B of candidate laws, and the number of modes (count).
+    # The result (B, count): the rates in 1/s; NaN if the iteration does not converge, or if the mode does not vibrate.
 
     def next_root(s: ComplexArray) -> ComplexArray:
         return np.asarray(1j * np.sqrt(squares(ratio(s))))

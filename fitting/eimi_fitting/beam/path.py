@@ -112,24 +112,16 @@ def candidates(
 ) -> Candidates:
     """Convert sets of parameters of a law to candidates that are solved together.
 
-    Parameters
-    ----------
-    law : Law
-        The hyperelastic law.
-    parameters : ndarray, shape (P, n)
-        The n parameters of each of P candidates; moduli in Pa.
-    section : {"plane-stress", "plane-strain", "solid"}
-        How the depth is modelled.
-    bulk_modulus_Pa : ndarray, shape (P,), or None
-        Bulk modulus in Pa; None for an incompressible material.
-    field_factor : ndarray, shape (P,), or None
-        Factor on the magnetic loads; None: 1.
-
     Raises
     ------
     ValueError
         A bulk modulus is given in plane stress.
     """
+    # ``law``: the hyperelastic law.
+    # ``parameters`` (P, n): the n parameters of each of P candidates; moduli in Pa.
+    # ``section``: how the depth is modelled.
+    # ``bulk_modulus_Pa`` (P,): bulk modulus in Pa; None for an incompressible material.
+    # ``field_factor`` (P,): factor on the magnetic loads; None: 1.
     parameters = np.atleast_2d(np.asarray(parameters, float))
     sound = np.asarray(np.isfinite(parameters).all(axis=1))
     scaled = moduli_in_MPa(np.where(sound[:, None], parameters, 1.0), law.units)

@@ -76,27 +76,17 @@ class System:
         symmetric: bool,
         only_definite: bool = False,
     ) -> Solution:
-        """Assemble the stiffness K and the forces f of the elements, and solve K x = right - f for all candidate laws.
-
-        Parameters
-        ----------
-        stiffness : ndarray, shape (E, B, d, d), or iterable of ndarrays
-            The matrices of E elements with d unknowns each, for B candidates, all together or in the groups of
-            `BandAssembly`.
-        force : ndarray, shape (E, B, d)
-            Forces of the elements.
-        right : ndarray, shape (B, n) or (1, n)
-            Right-hand side for the n unknowns of the nodes.
-        body : tuple of three ndarrays, or None
-            For the rigid magnet: derivatives of the unknowns of the H elements at the magnet with respect to its
-            motion, (H, B, d, 3); its stiffness, (B, 3, 3); the loads on it, (B, 3) or (1, 3).
-        sound : ndarray of bool, shape (B,)
-            True for the candidates that are solved.
-        symmetric : bool
-            Whether the stiffness is symmetric.
-        only_definite : bool
-            Do not solve candidates whose symmetric matrix is not positive definite.
-        """
+        """Assemble the stiffness and the forces of the elements, and solve the linear systems of all candidate laws."""
+        # K x = right - f with the stiffness K and the forces f.
+        # ``stiffness`` (E, B, d, d): the matrices of E elements with d unknowns each, for B candidates, all together or
+        # in the groups of `BandAssembly`.
+        # ``force`` (E, B, d): forces of the elements.
+        # ``right`` (B, n) or (1, n): right-hand side for the n unknowns of the nodes.
+        # ``body``, for the rigid magnet: derivatives of the unknowns of the H elements at the magnet with respect to
+        # its motion, (H, B, d, 3); its stiffness, (B, 3, 3); the loads on it, (B, 3) or (1, 3).
+        # ``sound`` (B,): true for the candidates that are solved.
+        # ``symmetric``: whether the stiffness is symmetric.
+        # ``only_definite``: do not solve candidates whose symmetric matrix is not positive definite.
         rest = right - self.assembled(force)
         parts = self._assembly.divided(stiffness) if isinstance(stiffness, np.ndarray) else stiffness
         if not symmetric:

@@ -51,27 +51,18 @@ def twist_per_tilt(
     out_of_plane_N_m2: float,
     torsion_N_m2: float,
 ) -> Array:
-    """Return the twist of a beam along its length, divided by the angle between magnetisation and plane.
-
-    Parameters
-    ----------
-    middle_mm : ndarray, shape (K, S, 2)
-        Middles (x, y) of S cross-sections of the bent beam in K load states, in mm, from the clamp to the magnet.
-    moment_N_m : ndarray, shape (K, S - 1)
-        Bending moment in the plane between neighbouring cross-sections in N m, from +x toward +y.
-    force_N : ndarray, shape (K, S - 1, 2)
-        Force (x, y) in N that the part of the beam toward the tip exerts between neighbouring cross-sections.
-    couple_N_m : ndarray, shape (K, 2)
-        Components (x, y) of the moment of the field on the magnet, divided by the angle between magnetisation and
-        plane: m_0 z × B with the magnetic moment m_0, the normal z of the plane, and the field B.
-    out_of_plane_N_m2, torsion_N_m2 : float
-        Stiffness against bending out of the plane, and torsional stiffness, in N m².
-
-    Returns
-    -------
-    ndarray, shape (K, S)
-        The twist at each cross-section.
-    """
+    """Return the twist of a beam along its length, divided by the angle between magnetisation and plane."""
+    # ``middle_mm`` (K, S, 2): middles (x, y) of S cross-sections of the bent beam in K load states, in mm, from the
+    # clamp to the magnet.
+    # ``moment_N_m`` (K, S - 1): bending moment in the plane between neighbouring cross-sections in N m, from +x toward
+    # +y.
+    # ``force_N`` (K, S - 1, 2): force (x, y) in N that the part of the beam toward the tip exerts between neighbouring
+    # cross-sections.
+    # ``couple_N_m`` (K, 2): components (x, y) of the moment of the field on the magnet, divided by the angle between
+    # magnetisation and plane: m_0 z × B with the magnetic moment m_0, the normal z of the plane, and the field B.
+    # ``out_of_plane_N_m2``, ``torsion_N_m2``: stiffness against bending out of the plane, and torsional stiffness, in N
+    # m².
+    # The result (K, S): the twist at each cross-section.
     # A prime is the derivative by the arc length, and × is the vector product. omega is the small rotation of a
     # cross-section about axes in the plane, t the tangent of the middle line, n its normal in the plane, z the normal
     # of the plane, M the bending moment, F the force, A and C the two stiffnesses. The moment m about axes in the plane

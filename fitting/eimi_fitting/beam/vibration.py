@@ -71,26 +71,15 @@ class Vibration:
         shapes: int = 4,
         stiffenings: Sequence[float] = (1.0,),
     ) -> tuple[ReducedMotion, Configuration]:
-        """Find the equilibria of a beam, and its stiffness and mass for small motions about them.
-
-        Parameters
-        ----------
-        law : Law
-            The hyperelastic law.
-        parameters : ndarray, shape (B, n)
-            The n parameters of B candidate laws; moduli in Pa.
-        loads : Loads
-            The loads in one load state.
-        field_factor : ndarray, shape (B,), or None
-            Factor on the magnetic loads.
-        basis : tuple of ndarray, or None
-            Displacements of N nodes, (m, N, d), and motion of the magnet, (m, 3), in each of m shapes of motion. None:
-            the shapes are undamped modes, computed for several ratios of the dynamic to the static modulus.
-        shapes : int
-            Number of undamped modes for each ratio.
-        stiffenings : sequence of float
-            The ratios of the dynamic to the static modulus.
-        """
+        """Find the equilibria of a beam, and its stiffness and mass for small motions about them."""
+        # ``law``: the hyperelastic law.
+        # ``parameters`` (B, n): the n parameters of B candidate laws; moduli in Pa.
+        # ``loads``: the loads in one load state.
+        # ``field_factor`` (B,): factor on the magnetic loads.
+        # ``basis``: displacements of N nodes, (m, N, d), and motion of the magnet, (m, 3), in each of m shapes of
+        # motion. None: the shapes are undamped modes, computed for several ratios of the dynamic to the static modulus.
+        # ``shapes``: number of undamped modes for each ratio.
+        # ``stiffenings``: the ratios of the dynamic to the static modulus.
         section = self.model.plane if isinstance(self.model, BeamModel) else "solid"
         chosen = candidates(law, parameters, section, None, field_factor)
         equilibria = self.model.solve(law, parameters, loads, tolerance_mm=_TOLERANCE_MM, field_factor=field_factor)

@@ -41,7 +41,7 @@ class NoEquilibrium(Exception):
 
 
 def scale_deviation(lot: float) -> float:
-    """Return the relative standard deviation of the modulus of the beams divided by that of the tensile specimens."""
+    """Return the relative standard deviation between the moduli of the beams and of the tensile specimens."""
     # It is due to different production lots (``lot``) and to errors of the beam model.
     return float(np.hypot(lot, _MODEL))
 

@@ -67,22 +67,11 @@ class Support:
 
 
 def supports(rows: Rows, has_modulus: NDArray[np.bool_], most_terms: int) -> tuple[Support, ...]:
-    """Fit every set of up to ``most_terms`` terms of a law, and return the sets whose coefficients are all positive.
-
-    Parameters
-    ----------
-    rows : Rows
-        Equations for the coefficients of all terms.
-    has_modulus : array of bool
-        Whether each term contributes to the initial shear modulus.
-    most_terms : int
-        Largest number of terms in a set.
-
-    Returns
-    -------
-    tuple of Support
-        Sets with a positive initial shear modulus; the set with the smallest prediction error comes first.
-    """
+    """Fit every set of up to ``most_terms`` terms of a law, and return the sets whose coefficients are all positive."""
+    # ``rows``: equations for the coefficients of all terms.
+    # ``has_modulus``: whether each term contributes to the initial shear modulus.
+    # ``most_terms``: largest number of terms in a set.
+    # The result: sets with a positive initial shear modulus; the set with the smallest prediction error comes first.
     fitted = [
         support
         for terms in _sets(len(has_modulus), most_terms)

@@ -178,7 +178,7 @@ def _filled(values: Array) -> tuple[Array, NDArray[np.bool_]]:
 
 
 def _reduced(values: Array) -> tuple[Array, Array]:
-    """Reduce channels to a few signals by a singular value decomposition; return the signals and their patterns."""
+    """Reduce channels to a few signals by a singular value decomposition; return the signals and their weights."""
     # ``values`` (n, c) gives n frames of r signals (n, r) and the weights of the signals in each channel (r, c).
     level = values.mean(axis=0)
     _, s, v = np.linalg.svd(values - level, full_matrices=False)

@@ -243,7 +243,7 @@ def _first_frequency(signals: Signals, label: str) -> float:
 
 
 def _lasting(values: Array, size: int) -> Array:
-    """Return 1 for each frequency at which the power hardly decreases during the recording, else 0."""
+    """Return 1 for each frequency whose vibration hardly decays during the recording, else 0."""
     # ``values`` (n, r): r signals in n frames. ``size``: length of the Fourier transform.
     half = len(values) // 2
     taper = np.hanning(half)[:, None]

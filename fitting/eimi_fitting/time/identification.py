@@ -266,7 +266,7 @@ def _analysed(
 
 
 def _table_for(recorded: RecordedMotion, decay: Decay, tables: list[RingTable], beam: RingingBeam) -> RingTable:
-    """Return the computed frequencies for the loads of a recorded motion, from ``tables`` if they are there."""
+    """Find the table of computed frequencies for the loads of a recorded motion, or compute it."""
     for table in tables:
         if _same(table.beam.loads, recorded.loads) and table.beam.hanging_N == recorded.motion.hanging_N:
             return table

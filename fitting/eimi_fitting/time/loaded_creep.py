@@ -56,7 +56,7 @@ class LoadCurve:
 
     @staticmethod
     def of_gravity(stiffness_Pa: float) -> LoadCurve:
-        """Return the moment of gravity, which is -``stiffness_Pa`` times the rotation of the tip."""
+        """Return the moment of gravity, which is proportional to the rotation of the tip."""
         ends = np.array([-3.0, 3.0])
         return LoadCurve(ends, -stiffness_Pa * ends, 0 * ends)
 

@@ -173,33 +173,18 @@ def result_of(
     exposure_s: float | None,
     wall_s: float,
 ) -> LawOfTime:
-    """Collect the identified viscoelastic law with its intervals, its budget of uncertainties and its warnings.
-
-    Parameters
-    ----------
-    specimen : Specimen
-        The specimen of all motions.
-    optimum, optima : TimeOptimum and sequence of TimeOptimum
-        The chosen optimum, and the optima for all numbers of terms.
-    rings, creeps, static : tuple of RingEvidence, tuple of CreepEvidence, StaticEvidence or None
-        The data.
-    data_s : tuple of float
-        Shortest and longest time about which the data give information.
-    sources : mapping of str to float
-        Standard uncertainties of the inputs.
-    effects, steps : mapping of str to ndarray
-        Changes of the residuals and of the unknowns by these uncertainties.
-    load_sigmas : mapping of str to float
-        Relative standard uncertainties of the magnetic loads.
-    draws, draws_fit : ndarray
-        Random draws of the unknowns, one row each, with the errors of the inputs and without.
-    doubts : tuple of str
-        Warnings about the recordings.
-    exposure_s : float or None
-        Exposure time of a frame.
-    wall_s : float
-        Duration of the identification.
-    """
+    """Collect the identified viscoelastic law with its intervals, its budget of uncertainties and its warnings."""
+    # ``specimen``: the specimen of all motions.
+    # ``optimum``, ``optima``: the chosen optimum, and the optima for all numbers of terms.
+    # ``rings``, ``creeps``, ``static``: the data.
+    # ``data_s``: shortest and longest time about which the data give information.
+    # ``sources``: standard uncertainties of the inputs.
+    # ``effects``, ``steps``: changes of the residuals and of the unknowns by these uncertainties.
+    # ``load_sigmas``: relative standard uncertainties of the magnetic loads.
+    # ``draws``, ``draws_fit``: random draws of the unknowns, one row each, with the errors of the inputs and without.
+    # ``doubts``: warnings about the recordings.
+    # ``exposure_s``: exposure time of a frame.
+    # ``wall_s``: duration of the identification.
     terms, at = optimum.problem.terms, optimum.unknowns[None]
     frequency = rings[0].decay.modes[0].frequency_Hz
     omega = 2 * np.pi * frequency

@@ -180,9 +180,6 @@ class RingTable:
         # 1. Its three lowest frequencies, divided by those of the planar model. 2. The factor on the modulus with which
         # the planar model bends as far as the more accurate model. 3. Its squared angular frequencies for three modes
         # and two moduli, (3, 2).
-        # 1. Its three lowest frequencies, divided by those of the planar model. 2. The factor on the modulus with which
-        # the planar model bends as far as the more accurate model. 3. Its squared angular frequencies for three modes
-        # and two moduli, (3, 2).
         # The two moduli are the modulus times each of `_RATIOS`.
         beam, parameters = self.beam, self.beam.parameters(np.array([self.middle_Pa]))
         planar = beam.planar()

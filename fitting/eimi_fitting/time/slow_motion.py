@@ -117,14 +117,9 @@ def _places(beam: RingingBeam, rest_mm: Array) -> Array:
 def slow_rotations(
     motion: Motion, signals: Signals, decay: Decay | None, per_rad_mm: Array
 ) -> tuple[Array, Array, Array, Array] | None:
-    """Measure the slow rotation of the tip after a step of the load, without the vibrations.
-
-    Returns
-    -------
-    tuple of ndarray, or None
-        For each time interval: time in s, rotation and its standard uncertainty in rad, and the squared amplitude of
-        the vibration in rad². None for fewer than three intervals, or if no point moves.
-    """
+    """Measure the slow rotation of the tip after a step of the load, without the vibrations."""
+    # The results for each time interval: time in s, rotation and its standard uncertainty in rad, and the squared
+    # amplitude of the vibration in rad². None for fewer than three intervals, or if no point moves.
     # ``decay``: the vibrations, or None. ``per_rad_mm`` (p, 2): displacements of p points for a rotation by one rad.
     gain = per_rad_mm[signals.points, signals.axis] / signals.sigma_mm
     if not gain @ gain > 0:
