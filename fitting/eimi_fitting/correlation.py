@@ -21,15 +21,15 @@ def correlation_length(residuals: Array, weights: Array) -> float:
     Returns
     -------
     float
-        The integrated autocorrelation length 1 + 2 sum_k rho_k, with the autocorrelation rho_k of residuals at the
-        distance of k points. It is at least 1, and 1 if all residuals are zero.
+        The integrated autocorrelation length. It is at least 1, and 1 if all residuals are zero.
 
     References
     ----------
-    The sum over k ends before the first rho_k that is zero or negative. This rule is similar to the initial positive
-    sequence of C. J. Geyer (1992), Statist. Sci. 7:473.
+    C. J. Geyer (1992), Statist. Sci. 7:473, describes a similar rule for the end of the sum of autocorrelations.
     """
-    # rho_k is the mean of r_i r_(i+k) over all pairs of used points in a group, divided by the mean of r_i^2.
+    # The length is 1 + 2 sum_k rho_k with the autocorrelation rho_k at the distance of k points: rho_k is the mean of
+    # r_i r_(i+k) over all pairs of used points in a group, divided by the mean of r_i^2. The sum ends before the first
+    # rho_k that is zero or negative.
     r = residuals.reshape(-1, residuals.shape[-1])
     w = (weights > 0).astype(float).reshape(r.shape)
     variance = (r**2).sum() / max(w.sum(), 1.0)

@@ -288,9 +288,8 @@ class Solid:
         # ``tolerance_mm``: largest displacement of a node in the last step.
         # ``few``: largest number of iterations; None: 25.
         # ``only_try``: give up a candidate as soon as the matrix to be factorised is not positive definite.
-        # The results: ``configuration``: the equilibrium, or the configuration at which the method failed.
-        # ``status`` (B,): `Status` of each candidate.
-        # ``iterations`` (B,): number of tangent stiffnesses that were computed.
+        # The results: the equilibrium, or the configuration at which the method failed; `Status` of each candidate,
+        # (B,); number of tangent stiffnesses that were computed, (B,).
         size = float(np.ptp(self.mesh.nodes, axis=0).max())
         now = start.copy()
         if self.body:

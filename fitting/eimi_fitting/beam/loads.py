@@ -163,10 +163,8 @@ class Loads:
 
     @staticmethod
     def joined(parts: Sequence[Loads]) -> Loads:
-        """Join several loads of one kind into one object with all their states.
-
-        The spatial variation of the field is that of the first part. Parts may have fewer ``others`` than the longest.
-        """
+        """Join the load states of several loads into one sequence."""
+        # The field varies in space as in the first part. Parts may have fewer ``others`` than the longest.
         most = max((part.others for part in parts), key=len)
         return replace(
             parts[0],
@@ -192,10 +190,8 @@ class Loads:
 
 
 def _joined(kind: Any, place: int, parts: Sequence[Loads]) -> Actuation:
-    """Return a load like ``kind`` in all states of several parts; it is zero in a part without such a load.
-
-    place: the index of the load in ``others`` of each part.
-    """
+    """Join the load states of one further kind of load; it is zero in loads without this kind."""
+    # ``place``: the index of this kind in ``others`` of each part.
     nothing = np.zeros(kind.numbers.shape[1])
     numbers = [
         part.others[place].numbers if place < len(part.others) else np.tile(nothing, (len(part), 1)) for part in parts

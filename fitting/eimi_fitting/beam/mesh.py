@@ -40,7 +40,7 @@ class Mesh:
 
 
 def mapped_mesh(along: int, across: int, mapping: Callable[[Array, Array], tuple[Array, Array]]) -> Mesh:
-    """Return a mesh of the unit square, mapped by ``mapping(s, t) -> (x, y)``.
+    """Divide the unit square into elements, and move the nodes by ``mapping(s, t) -> (x, y)``.
 
     Raises
     ------

@@ -254,8 +254,8 @@ def _tangents(
     solid: Solid, batch: Any, loads: SolidLoads, now: Configuration
 ) -> tuple[Array, Array, Array | None, Array]:
     """Return the stiffness against small motions about an equilibrium, in several parts."""
-    # ``material``, ``rest`` (E, B, u, u): the stiffness due to the tangent of the law, and that due to stresses and
-    # loads.
+    # The results: ``material``, ``rest`` (E, B, u, u): the stiffness due to the tangent of the law, and that due
+    # to stresses and loads.
     # ``tie`` (H, B, u, 3), or None: derivatives of the displacements of the elements at the magnet with respect to its
     # motion.
     # ``body_rest`` (B, 3, 3): the stiffness of the magnet due to the loads on it.

@@ -62,8 +62,7 @@ class RingEvidence:
     inflation: float = 1.0
     # Number of ring-downs under these loads.
     repeats: int = 1
-    # The beam has crept for this time under constant loads.
-    # Time from the last change of the load to the vibrations.
+    # Time from the last change of the load to the vibrations, in which the beam creeps under constant loads.
     age_s: float = AT_REST_S
 
     @staticmethod

@@ -56,9 +56,8 @@ class RingDown:
     # `frequency_Hz`, `frequency_sigma_Hz`: frequency at small amplitudes and its standard uncertainty.
     frequency_Hz: float
     frequency_sigma_Hz: float
-    # The loss factor of the decay is 2 delta / omega with the decay rate delta and the angular frequency omega. Weight
-    # and field make it differ from that of the material.
-    # `decay_loss`, `decay_loss_sigma`: loss factor of the decay and its standard uncertainty.
+    # `decay_loss`, `decay_loss_sigma`: loss factor of the decay and its standard uncertainty. The loss factor is twice
+    # the decay rate divided by the angular frequency. Weight and field make it differ from that of the material.
     decay_loss: float
     decay_loss_sigma: float
     # Amplitude at the start of the fitted part, where the beam moves most.
