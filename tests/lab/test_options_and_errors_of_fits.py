@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,9 +13,11 @@ import pytest
 
 from eimi_fitting.inference.evidence.quantity import Quantity
 from eimi_fitting.inference.evidence.sources import StatedSource
-from eimi_lab.fits import options, predicted_error, tensile_files, time_fits
+from eimi_lab.fits import evidence, fit_summary, fits_file, options, predicted_error, tensile_files, time_fits
 from eimi_lab.fits.options import FitOptions
+from eimi_lab.fits.records import CurveRecord
 from eimi_lab.fits.states_used import StatesUsed
+from eimi_lab.fits.tensile_files import FileCurve
 from eimi_lab.fits.validation import FitReference, Validation
 from eimi_lab.fits.validation_tables import by_dataset, by_state, matrix
 from eimi_lab.process.errors import InputError
@@ -164,9 +167,9 @@ def test_the_interval_of_a_predicted_error_contains_the_mean_error(monkeypatch: 
     fit: Any = SimpleNamespace(
         model="yeoh", values=lambda: [1.0, 2.0], drawn=lambda most: drawn.append(most) or np.full((3, 2), 7.0)
     )
-    evidence: Any = SimpleNamespace(experiment="experiment")
+    one: Any = SimpleNamespace(experiment="experiment")
     residuals = np.array([[[0.2, np.nan], [-0.2, 0.2]]])
-    low, high = predicted_error.error_interval_mm(fit, evidence, residuals) or (0.0, 0.0)
+    low, high = predicted_error.error_interval_mm(fit, one, residuals) or (0.0, 0.0)
     mean = 0.15  # the mean of the sizes of the residuals of the fit
     assert low == pytest.approx(min(np.quantile([1.0, 2.0, 3.0, 4.0], 0.025), mean))
     assert high is None  # a draw has no equilibrium
@@ -177,12 +180,12 @@ def test_the_interval_of_a_predicted_error_contains_the_mean_error(monkeypatch: 
     assert (model, candidates.tolist()) == ("yeoh", [[1.0, 2.0], *[[7.0, 7.0]] * 3])
     assert (coarse.model, more) == ("coarse beam", {"keep": True})
     comparison.unconverged = np.zeros(4, bool)
-    low, high = predicted_error.error_interval_mm(fit, evidence, residuals) or (0.0, 0.0)
+    low, high = predicted_error.error_interval_mm(fit, one, residuals) or (0.0, 0.0)
     assert (low, high) == (pytest.approx(mean), pytest.approx(np.quantile(errors, 0.975)))
     errors[:] = 0.01
-    assert predicted_error.error_interval_mm(fit, evidence, residuals) == pytest.approx((0.01, mean))
+    assert predicted_error.error_interval_mm(fit, one, residuals) == pytest.approx((0.01, mean))
     comparison.unconverged = np.array([True, False, False, False])
-    assert predicted_error.error_interval_mm(fit, evidence, residuals) is None
+    assert predicted_error.error_interval_mm(fit, one, residuals) is None
 
 
 # Tables of validations
@@ -294,3 +297,103 @@ def test_the_parameter_of_a_ring_down_has_the_scale_of_its_law(monkeypatch: pyte
     ]
     with pytest.raises(InputError, match=r"^a\.h5, b\.h5: --model yeoh: a ring-down determines only one parameter; us"):
         time_fits.fit_motions("yeoh", motions, 4)
+
+
+# Curves, remarks and faults of files
+
+
+def test_a_tensile_curve_is_recorded_with_its_file_or_the_hash_of_its_numbers() -> None:
+    strain, stress_Pa = np.array([0.1, 0.3, 0.2]), np.array([5e3, 9e3, 7e3])
+    given: dict[str, Any] = {"correlation_rows": 2.5, "noise_Pa": 120.0}
+    plain: Any = SimpleNamespace(strain=strain, stress_Pa=stress_Pa, weight=0.5)
+    loose: Any = SimpleNamespace(curve=plain, **given)
+    numbers = np.stack([strain, stress_Pa]).astype("<f8").tobytes()
+    record = CurveRecord.of(loose, 150.0)
+    assert record == CurveRecord(
+        path=None,
+        sha256=hashlib.sha256(numbers).hexdigest(),
+        window_percent=None,
+        weight=0.5,
+        rows=3,
+        correlation_rows=2.5,
+        largest_strain=0.3,
+        rmse_alone_Pa=120.0,
+        rmse_Pa=150.0,
+    )
+    assert record.name == f"tensile curve {record.sha256[:8]} (from no file)"
+    of_file: Any = SimpleNamespace(curve=FileCurve(strain, stress_Pa, 2.0, "pull.csv", "12ab", 50.0), **given)
+    stored = CurveRecord.of(of_file, 150.0)
+    assert (stored.path, stored.sha256, stored.window_percent, stored.weight) == ("pull.csv", "12ab", 50.0, 2.0)
+    assert stored.name == "pull.csv"
+
+
+def test_the_remarks_on_datasets_come_one_dataset_after_another(monkeypatch: pytest.MonkeyPatch) -> None:
+    said: list[str] = []
+    for name in ("section", "rest_shape", "compressibility", "measured_field", "temperature", "heating"):
+        say = None if name == "compressibility" else name
+        monkeypatch.setattr(fit_summary, f"{name}_remark", lambda one, say=say: say and f"{say} of {one}")
+    monkeypatch.setattr(fit_summary.DatasetReference, "of", lambda one: f"reference of {one}")
+    monkeypatch.setattr(fit_summary, "measured_differences", lambda references: said.extend(references) or ["differ"])
+    names = ("section", "rest_shape", "measured_field", "temperature", "heating")
+    assert fit_summary.evidence_remarks(["a", "b"]) == [  # type: ignore[list-item]
+        *(f"{name} of a" for name in names),
+        *(f"{name} of b" for name in names),
+        "differ",
+    ]
+    assert said == ["reference of a", "reference of b"]
+
+
+@pytest.mark.parametrize(
+    ("loc", "words"),
+    [
+        (("fits", 0, "bending", "model"), "fits.0.model: wrong"),
+        (("fits", 1, "tensile", "parameters", "C10"), "fits.1.parameters.C10: wrong"),
+        (("fits",), "fits: wrong"),
+        (("comparison", 0, "bending"), "comparison.0.bending: wrong"),
+        (("runs", "function-wrap(x)", "at"), "runs.at: wrong"),
+        ((), "wrong"),
+    ],
+)
+def test_the_first_fault_of_a_file_names_its_key_without_the_kind_of_fit(loc: tuple[Any, ...], words: str) -> None:
+    error: Any = SimpleNamespace(errors=lambda: [{"loc": loc, "msg": "wrong"}, {"loc": ("other",), "msg": "no"}])
+    assert fits_file.first_fault(error) == words
+
+
+def test_the_data_of_a_fit_are_read_without_flagged_states_unless_asked(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    opened: list[Path] = []
+    segmented: list[Any] = []
+    edges: list[Any] = [None]
+
+    class Opened:
+        kind = "frames"
+
+        def __enter__(self) -> Any:
+            return self
+
+        def __exit__(self, *given: object) -> None:
+            pass
+
+        def edges(self) -> Any:
+            return edges[0]
+
+    def segment(path: Path, report: Any) -> None:
+        segmented.append((path, report))
+        edges[0] = ()
+
+    monkeypatch.setattr(evidence, "open_dataset", lambda path: opened.append(path) or Opened())
+    monkeypatch.setattr(evidence, "_evidence", lambda data, *given: given)
+    monkeypatch.setattr("eimi_lab.dataset.segmentation.segment", segment)
+    path = tmp_path / "a.h5"
+    report: Any = "report"
+    assert evidence.load_evidence(str(path), report=report) == (path, None, False)  # type: ignore[comparison-overlap]
+    assert segmented == [(path, "report")]
+    assert opened == [path, path]
+    assert evidence.load_evidence(path, section="solid", flagged=True) == (path, "solid", True)  # type: ignore[comparison-overlap]
+    assert len(segmented) == 1
+    Opened.kind, edges[0] = "points", None
+    evidence.load_evidence(path)
+    assert len(segmented) == 1
+    with pytest.raises(InputError, match="is not UTF-8 and cannot be written to a result file; rename the dataset"):
+        evidence.load_evidence("a\udcff.h5")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,7 +11,7 @@ import pytest
 
 from eimi_fitting import LAWS, Loads, Specimen
 from eimi_fitting.laws.prony import Prony
-from eimi_fitting.time import identification, law_of_time
+from eimi_fitting.time import channels, identification, law_of_time
 from eimi_fitting.time.channels import Signals
 from eimi_fitting.time.decay import decay_of
 from eimi_fitting.time.decay_windows import Window, material_windows
@@ -243,3 +243,86 @@ def test_frequencies_are_matched_to_one_mode_each() -> None:
     decay: Any = SimpleNamespace(modes=[mode(5.0), mode(31.0), mode(29.0), mode(79.0), mode(50.0)], from_s=0.0)
     numbers = [number for number, _ in RingEvidence.of(table, decay).modes]
     assert numbers == [0, 1, 2]
+
+
+def test_a_gap_in_a_single_channel_is_a_straight_line() -> None:
+    values = np.sin(np.arange(30.0))[:, None]
+    values[10:13, 0] = np.nan
+    filled, missing = channels._filled(values)
+    inside = np.linspace(values[9, 0], values[13, 0], 5)[1:-1]
+    assert filled[10:13, 0] == pytest.approx(inside)
+    assert np.flatnonzero(missing[:, 0]).tolist() == [10, 11, 12]
+
+
+def test_the_gaps_of_two_channels_follow_from_their_common_motion() -> None:
+    common = 30 * np.sin(np.arange(40.0))
+    values = np.stack([common, 2 * common + 1.0], axis=1)
+    values[5, 0] = values[20, 1] = np.nan  # no channel is whole, so that both are filled step by step
+    filled, _ = channels._filled(values)
+    assert filled[5, 0] == pytest.approx(common[5], abs=0.5)
+    assert filled[20, 1] == pytest.approx(2 * common[20] + 1.0, abs=0.5)
+
+
+def test_the_time_of_a_frame_is_the_mean_over_its_points_without_their_delays() -> None:
+    frames = np.array([0.0, 1.0, 2.0, 3.0])[:, None]
+    times = frames + np.array([0.0, 0.1, 0.5])
+    assert channels._frame_times(Timed(times)) == pytest.approx(frames[:, 0] + 0.1)  # type: ignore[arg-type]
+    times[1, 2] += 0.3
+    times[2] = np.nan
+    times[3, 0] = np.inf
+    expected = [0.1, 1.1 + 0.1, np.nan, 3.1]
+    assert channels._frame_times(Timed(times)) == pytest.approx(expected, abs=0.06, nan_ok=True)  # type: ignore[arg-type]
+    assert np.isnan(channels._frame_times(Timed(np.full((3, 2), np.nan)))).all()  # type: ignore[arg-type]
+    assert channels._frame_times(Timed(np.zeros((3, 0)))).tolist() == [0.0] * 3  # type: ignore[arg-type]
+
+
+@dataclass
+class Timed:
+    """A motion of which only the times are known."""
+
+    time_s: np.ndarray
+
+
+def test_a_law_of_time_has_free_times_and_up_to_four_terms(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[Any] = []
+
+    def stop(problems: Any, seed: int) -> Any:
+        made.append((problems, seed))
+        raise NoEquilibrium
+
+    mode = SimpleNamespace(frequency_Hz=5.0, rate=complex(-1.0, 30.0))
+    decay: Any = SimpleNamespace(modes=(mode,), doubts=("of the decay",))
+    motion = SimpleNamespace(hanging_N=0.0, exposure_s=None)
+    recorded: Any = SimpleNamespace(loads=Loads.along([0.0]), motion=motion, is_stepped=False)
+    table: Any = SimpleNamespace(middle_Pa=5e4)
+    ring: Any = SimpleNamespace(table=table, modes=((0, mode),), decay=decay)
+    monkeypatch.setattr(identification, "_analysed", lambda motions, specimen: ([(recorded, decay)], []))
+    monkeypatch.setattr(
+        identification, "_table_for", lambda recorded, decay, tables, beam: tables.append(table) or table
+    )
+    monkeypatch.setattr(identification.RingEvidence, "of", lambda table, decay, is_stepped: ring)
+    monkeypatch.setattr(identification, "with_scatter", list)
+    monkeypatch.setattr(identification, "_doubts_of_section", lambda table: [])
+    monkeypatch.setattr(identification, "_creeps", lambda *given: ())
+    monkeypatch.setattr(identification, "_at_rest", lambda *given: (None, ()))
+    monkeypatch.setattr(identification, "best_number_of_terms", stop)
+    for more in ({}, {"free_times": False, "most_terms": 2, "seed": 9}):
+        with pytest.raises(NoEquilibrium):
+            identification.identify_time(NEO, np.array([2.0]), Specimen(20.0, 2.0, 4.0, 1070.0), (), **more)  # type: ignore[arg-type]
+    (problems, seed), (fewer, other) = made
+    assert [one.terms.count for one in problems] == [1, 2, 3, 4]
+    assert [one.terms.count for one in fewer] == [1, 2]
+    assert {one.terms.free_times for one in problems} == {True}
+    assert {one.terms.free_times for one in fewer} == {False}
+    assert (seed, other) == (1, 9)
+    period = 1 / (2 * np.pi * 5.0)
+    assert problems[0].terms.range_s == pytest.approx((period / 3, 30.0))
+    assert problems[0].terms.modulus_Pa == 5e4
+    assert problems[0].load_sigma == law_of_time.EXACT_LOAD
+    assert problems[0].evidence == (ring,)
+    monkeypatch.setattr(identification, "_analysed", lambda motions, specimen: ([(recorded, None)], ["a: too short"]))
+    with pytest.raises(identification.NoRingDown, match=r"^a: too short$"):
+        identification.identify_time(NEO, np.array([2.0]), Specimen(20.0, 2.0, 4.0, 1070.0), ())
+    monkeypatch.setattr(identification, "_analysed", lambda motions, specimen: ([], []))
+    with pytest.raises(identification.NoRingDown, match="no recorded motion is given, but at least one ring-down"):
+        identification.identify_time(NEO, np.array([2.0]), Specimen(20.0, 2.0, 4.0, 1070.0), ())
