@@ -12,8 +12,9 @@ import pytest
 from eimi_fitting import LAWS, Loads, Specimen
 from eimi_fitting.laws.prony import Prony
 from eimi_fitting.time import channels, identification, law_of_time
+from eimi_fitting.time import decay as decays
 from eimi_fitting.time.channels import Signals
-from eimi_fitting.time.decay import decay_of
+from eimi_fitting.time.decay import NoVibration, decay_of
 from eimi_fitting.time.decay_windows import Window, material_windows
 from eimi_fitting.time.evidence import RingEvidence
 from eimi_fitting.time.loaded_creep import LoadCurve, LoadStep, creep
@@ -326,3 +327,31 @@ def test_a_law_of_time_has_free_times_and_up_to_four_terms(monkeypatch: pytest.M
     monkeypatch.setattr(identification, "_analysed", lambda motions, specimen: ([], []))
     with pytest.raises(identification.NoRingDown, match="no recorded motion is given, but at least one ring-down"):
         identification.identify_time(NEO, np.array([2.0]), Specimen(20.0, 2.0, 4.0, 1070.0), ())
+
+
+def test_noise_shows_no_vibration_in_the_range_of_the_recording() -> None:
+    time = np.arange(400) / 100.0
+    noise = np.random.default_rng(6).standard_normal(400)
+    with pytest.raises(
+        NoVibration, match=r"^still: no vibration from 0\.63 to 40 Hz is clearly larger than the noise; r"
+    ):
+        decay_of(signals(time, noise), "still", 30.0, is_stepped=True)
+
+
+def test_the_warnings_about_a_part_of_a_ring_down_have_its_numbers() -> None:
+    windows = tuple(Window(float(i), i + 1.0, 1.0, 5.0 + 0.1 * i, 0.05 * (i + 1), 1e-3, 1e-3) for i in range(4))
+    hanging = decays._change_in_words(windows, slice(0, 2), "flick", True)
+    assert hanging.startswith("flick: the loss rises from 0.05 to 0.2 while the amplitude falls")
+    assert hanging.endswith("only the first 2 s were used")
+    first = decays._change_in_words(windows, slice(0, 2), "flick", False)
+    assert (
+        "from 0 to 2 s the beam vibrates at 5 Hz with a loss factor of 0.05, but next to this part at 5.2 Hz" in first
+    )
+    last = decays._change_in_words(windows, slice(2, 4), "flick", False)
+    assert (
+        "from 2 to 4 s the beam vibrates at 5.2 Hz with a loss factor of 0.15, but next to this part at 5.1 Hz with"
+        in last
+    )
+    assert last.split("5.1 Hz with ")[1].startswith("0.1, ")
+    two: Any = SimpleNamespace(modes=np.array([[np.log(2 * np.pi * 4.0), 0.1], [np.log(2 * np.pi * 4.567), 0.1]]))
+    assert decays._swing_in_words(two, "flick").startswith("flick: the beam vibrates at 4 and at 4.567 Hz, as when")
