@@ -21,6 +21,7 @@ from eimi_fitting.beam.mesh import grid_mesh
 from eimi_fitting.beam.rest_shape import RestShape
 from eimi_fitting.beam.solid_model import SolidModel
 from eimi_fitting.beam.specimen import PressureFace
+from eimi_fitting.beam.strip import Strip
 from eimi_fitting.beam.transient import NotSolved, Transient
 from eimi_fitting.beam.vibration import Vibration
 from eimi_fitting.laws.invariants import InvariantLaw
@@ -252,6 +253,15 @@ def test_a_mesh_is_flat_or_solid_with_or_without_a_face() -> None:
     assert (solid.loaded.is_solid, solid.loaded.has_pressure_face) == (True, False)
 
 
+@pytest.mark.parametrize("model", [BeamModel, SolidModel])
+def test_a_magnet_must_leave_a_flexible_part(model: Any) -> None:
+    long = replace(BEAM, magnet=replace(MAGNET, length_mm=28.0, tip_offset_mm=2.0))
+    with pytest.raises(ValueError, match="its distance from the tip take 30 mm of a beam of 30 mm: no flexible part"):
+        model(long, 2, 1)
+    short = replace(BEAM, magnet=replace(MAGNET, length_mm=28.0, tip_offset_mm=1.9))
+    assert model(short, 2, 1).mesh.nodes[:, 0].max() == pytest.approx(30.0)
+
+
 def test_impossible_loads_and_models_are_refused_with_their_reason() -> None:
     with pytest.raises(ValueError, match="the tip force has no direction: give tip_force_angle_deg, or gravity_angle"):
         Loads.along([1.0], gravity_angle_deg=None, tip_force_N=0.1)
@@ -265,6 +275,21 @@ def test_impossible_loads_and_models_are_refused_with_their_reason() -> None:
     model, series = BeamModel(BEAM, 2, 1), Prony(np.array([0.1]), np.array([1.0]))
     with pytest.raises(NotSolved, match="no equilibrium of the beam was found under the loads at the start"):
         Transient(model, NEO, np.array([-1.0]), series, Loads.along([1.0]))
+
+
+@pytest.mark.parametrize("end_rad", [2.5, -3.0])
+def test_points_of_a_strongly_bent_beam_are_found_again(end_rad: float) -> None:
+    turns = tuple((share, end_rad * share) for share in np.linspace(0, 1, 6))
+    strip = Strip(replace(BARE, rest_shape=RestShape(turns=turns, widths=((0.0, 0.2), (1.0, -0.3)))))
+    points = np.array([[0.0, 0.5], [3.0, -1.4], [11.0, 1.2], [19.0, 0.0], [27.0, -0.7], [30.0, 1.1]])
+    assert strip.straightened(strip.at_rest(points)) == pytest.approx(points, abs=1e-7)
+
+
+def test_the_surface_of_a_magnet_as_deep_as_the_beam_is_on_the_magnet() -> None:
+    deep, shallow = (SolidModel(replace(BEAM, magnet=replace(MAGNET, depth_mm=size)), 2, 1).grid for size in (5.0, 4.0))
+    points = np.array([[27.0, 0.3, 2.5005], [27.0, 0.3, -2.5005]])
+    assert deep.on_magnet(points).tolist() == [True, True]
+    assert shallow.on_magnet(points).tolist() == [False, False]
 
 
 def test_a_shape_without_turns_has_no_angle_anywhere() -> None:

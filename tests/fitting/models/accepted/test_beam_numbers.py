@@ -380,7 +380,8 @@ SHAPE = CoilShape((0.6, 0.8), (1.5, -2.5), COIL, 30.0)
 
 
 def test_coil_fields_have_the_accepted_numbers(tmp_path: Path) -> None:
-    radial, axial = np.array([0.0, 5e-6, -2e-2, 3e-2, 0.09]), np.array([0.01, 0.02, -0.03, 0.0, 0.05])
+    radial = np.array([0.0, 4.9e-6, -1e-3, -2e-2, 3e-2, 0.09])
+    axial = np.array([0.01, 0.02, 0.03, -0.03, 0.0, 0.05])
     points = np.array([[27.0, 1.0], [20.0, -6.0], [29.0, 4.0]])
     rest = np.array([28.0, 0.5])
     dipole = DipoleInField(
