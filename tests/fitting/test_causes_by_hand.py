@@ -1,0 +1,167 @@
+"""The probabilities and sizes of bench errors follow from the sets of errors by sums that a person can do."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eimi_fitting.inference.doubts import causes
+from eimi_fitting.inference.doubts.causes import weighed_causes
+from eimi_fitting.inference.doubts.deviating_inputs import Deviation
+from eimi_fitting.inference.doubts.marginal_likelihood import Posterior
+from eimi_fitting.inference.doubts.possible_causes import of_source
+
+SHIFT = of_source("shift", "clamp", (0.3, 0.3), "a picture")
+WIDTH = of_source("width", "width", (0.05,), "a caliper")
+SETS = [(), (0,), (1,), (0, 1)]
+# One row for each set: change of the modulus, shift in x, shift in y, width.
+MEANS = np.array([[0.01, 0.0, 0.0, 0.0], [0.02, 0.3, -0.4, 0.0], [-0.03, 0.0, 0.0, 0.08], [0.05, 0.1, 0.2, 0.02]])
+
+
+class Weighing:
+    """A replacement for the comparison of sets of two bench errors, a shift and a width."""
+
+    def __init__(self, probability: list[float], uncertain: bool, stated: float) -> None:
+        self.probability, self.stated = np.array(probability), stated
+        self.hypotheses = SETS * (2 if uncertain else 1)
+        self.is_uncertain = np.repeat([False, True], 4)[: len(self.hypotheses)]
+        self.log_prior = np.zeros(len(self.hypotheses))
+        self.blocks = [[1, 2], [3]]
+
+    def evidence_of_sets(self) -> Posterior:
+        means = np.tile(MEANS, (len(self.hypotheses) // 4, 1))
+        means[4:] *= 2
+        return Posterior(np.log(self.probability), means, means**2, 0 * self.probability)
+
+    def classes(self, posterior: Posterior) -> list[tuple[int, ...]]:
+        return [(0,), (1,)]
+
+    def alone(self, best: int) -> slice:
+        return slice(4, 7) if self.is_uncertain[best] else slice(0, 3)
+
+    def shown(self, cause: int) -> int:
+        return 2 - cause
+
+    def stated_size(self, cause: int) -> float:
+        return self.stated
+
+    def remaining_mm(self, amplitudes: np.ndarray) -> Any:
+        return ("left by", amplitudes.tolist())
+
+    def remaining(self, row: int, amplitudes: np.ndarray) -> Any:
+        return ("residuals of", row)
+
+
+def weighed(
+    monkeypatch: pytest.MonkeyPatch,
+    probability: list[float],
+    *,
+    within: Any = None,
+    stated: float = 0.0,
+    start: float = 0.0,
+    freed: tuple[str, ...] = (),
+) -> Any:
+    columns = {SHIFT: [SimpleNamespace(start=start)], WIDTH: [SimpleNamespace(start=0.0)]}
+    monkeypatch.setattr(
+        causes.LinearisedFit, "of", lambda problem, optimum, possible: SimpleNamespace(solved=("beam",))
+    )
+    monkeypatch.setattr(causes, "columns_of", lambda fit, cause: columns[cause])
+    monkeypatch.setattr(causes, "stated_columns", lambda fit, possible: {})
+    monkeypatch.setattr(causes, "Weighing", lambda *given: Weighing(probability, len(probability) > 4, stated))
+    monkeypatch.setattr(causes, "deviations", lambda *given: within or {})
+    unknowns = SimpleNamespace(
+        freed=[SimpleNamespace(source=source) for source in freed], modulus_percent=lambda moved: 100 * moved
+    )
+    return weighed_causes(SimpleNamespace(unknowns=unknowns), None, (), (SHIFT, WIDTH))  # type: ignore[arg-type]
+
+
+def test_the_probability_of_a_cause_is_the_sum_over_its_sets(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = weighed(monkeypatch, [0.1, 0.5, 0.15, 0.25])
+    shift, width, none = found.causes
+    assert [cause.name for cause in found.causes] == ["shift", "width", "none"]
+    assert [cause.probability for cause in found.causes] == pytest.approx([0.75, 0.4, 0.1])
+    # The sizes are averages over the sets, (0.5 x + 0.25 x') / 0.75; the largest component has the sign.
+    mean = (0.5 * MEANS[1, 1:3] + 0.25 * MEANS[3, 1:3]) / 0.75
+    assert shift.value == pytest.approx(np.linalg.norm(mean))
+    assert width.value == pytest.approx((0.15 * 0.08 + 0.25 * 0.02) / 0.4)
+    assert (shift.unit, width.unit, shift.decide_by, none.unit) == ("mm", "mm", "a picture", "")
+    # The modulus of the set with this cause alone.
+    assert [cause.shift_percent for cause in found.causes] == pytest.approx([2.0, -3.0, 0.0])
+    assert (shift.like, width.like, shift.is_within_stated) == ((), (), False)
+    assert found.modulus_percent == pytest.approx((-3.0, 5.0))
+    assert found.most_probable == frozenset({"shift"})
+    assert (found.in_the_fit, found.beside_the_fit) == (frozenset(), pytest.approx(0.9))
+    assert found.as_stated == pytest.approx(0.1)
+    assert found.remaining == ("residuals of", 1)
+    assert found.error_mm == {"shift": ("left by", MEANS[1].tolist()), "width": ("left by", MEANS[2].tolist())}
+
+
+@pytest.mark.parametrize(("probability", "is_listed"), [(0.0009, False), (0.0011, True)])
+def test_a_cause_is_listed_from_a_thousandth_on(
+    monkeypatch: pytest.MonkeyPatch, probability: float, is_listed: bool
+) -> None:
+    found = weighed(monkeypatch, [0.4, 0.6 - probability, 0.5 * probability, 0.5 * probability])
+    assert ("width" in [cause.name for cause in found.causes]) is is_listed
+    assert "width" in found.error_mm
+
+
+def test_a_negative_component_that_is_the_largest_gives_the_sign(monkeypatch: pytest.MonkeyPatch) -> None:
+    shift = weighed(monkeypatch, [0.1, 0.7, 0.15, 0.05]).causes[0]
+    mean = (0.7 * MEANS[1, 1:3] + 0.05 * MEANS[3, 1:3]) / 0.75
+    assert shift.value == pytest.approx(-np.linalg.norm(mean))
+
+
+@pytest.mark.parametrize(("stated", "is_within"), [(0.027, False), (0.029, True)])
+def test_a_size_is_within_twice_its_stated_uncertainty(
+    monkeypatch: pytest.MonkeyPatch, stated: float, is_within: bool
+) -> None:
+    width = weighed(monkeypatch, [0.1, 0.1, 0.5, 0.3], stated=stated).causes[0]
+    assert width.name == "width"
+    assert width.value == pytest.approx(0.0575)
+    assert width.is_within_stated is is_within
+
+
+@pytest.mark.parametrize(("start", "freed"), [(0.2, ()), (0.0, ("clamp",))])
+def test_a_cause_in_the_fit_moves_the_modulus_from_that_of_the_fit(
+    monkeypatch: pytest.MonkeyPatch, start: float, freed: tuple[str, ...]
+) -> None:
+    found = weighed(monkeypatch, [0.1, 0.6, 0.2, 0.1], start=start, freed=freed)
+    assert found.in_the_fit == frozenset({"shift"})
+    assert found.causes[0].shift_percent == pytest.approx(1.0)  # 0.02 - 0.01
+    assert found.causes[1].shift_percent == pytest.approx(-3.0)
+    assert found.beside_the_fit == pytest.approx(0.3)
+    assert found.remaining is None  # the most probable set is in the fit
+
+
+def test_an_input_may_deviate_within_its_stated_uncertainty(monkeypatch: pytest.MonkeyPatch) -> None:
+    within = {0: Deviation(0, 0.1, 0.5, 0.3, (1,)), 1: Deviation(1, 0.8, 0.04, -0.02, (0,))}
+    exact, uncertain = [0.02, 0.03, 0.02, 0.01], [0.7, 0.1, 0.07, 0.05]
+    found = weighed(monkeypatch, [*exact, *uncertain], within=within)
+    width, shift, none = found.causes
+    assert [width.name, shift.name, none.name] == ["width", "shift", "none"]
+    assert width.probability == pytest.approx(0.02 + 0.01 + 0.07 + 0.05 + 0.8 * (0.7 + 0.1))
+    assert (width.value, width.shift_percent, width.like) == (0.04, pytest.approx(-2.0), ("shift",))
+    assert none.probability == pytest.approx(0.02 + (1 - 0.8 - 0.1) * 0.7)
+    assert shift.probability == pytest.approx(0.03 + 0.01 + 0.1 + 0.05 + 0.1 * 0.77)
+    assert shift.shift_percent == pytest.approx(4.0)
+    assert found.as_stated == pytest.approx(0.72)
+    assert found.remaining == ("residuals of", 4)
+    # Without a smaller probability of the deviation than that of the sets with this cause.
+    unlikely = weighed(monkeypatch, [*exact, 0.5, 0.1, 0.2, 0.12], within={1: Deviation(1, 0.3, 0.04, -0.02, ())})
+    width = next(cause for cause in unlikely.causes if cause.name == "width")
+    assert width.probability == pytest.approx(0.35 + 0.3 * 0.6)
+    assert width.like == ()
+    assert width.shift_percent == pytest.approx(-6.0)
+
+
+def test_without_an_equilibrium_or_an_effect_no_cause_is_weighed(monkeypatch: pytest.MonkeyPatch) -> None:
+    nothing: Any = SimpleNamespace(unknowns=SimpleNamespace(freed=()))
+    assert weighed_causes(nothing, None, (), ()).causes == ()  # type: ignore[arg-type]
+    monkeypatch.setattr(causes.LinearisedFit, "of", lambda problem, optimum, possible: SimpleNamespace(solved=()))
+    monkeypatch.setattr(causes, "columns_of", lambda fit, cause: ())
+    assert weighed_causes(nothing, None, (), (SHIFT,)).causes == ()  # type: ignore[arg-type]
+    monkeypatch.setattr(causes.LinearisedFit, "of", lambda problem, optimum, possible: SimpleNamespace(solved=(1,)))
+    assert weighed_causes(nothing, None, (), (SHIFT,)).causes == ()  # type: ignore[arg-type]
