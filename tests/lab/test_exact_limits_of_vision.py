@@ -38,7 +38,7 @@ from eimi_lab.vision.following.beam_search import _best_of_each_cell, _best_stri
 from eimi_lab.vision.following.centre_line import CentreLine, clicked_line
 from eimi_lab.vision.following.colour_seams import Seams
 from eimi_lab.vision.following.crossings import leave_out_crossings
-from eimi_lab.vision.following.discriminant import ColourProjection
+from eimi_lab.vision.following.discriminant import ColourProjection, project
 from eimi_lab.vision.following.doubts import penumbra_px
 from eimi_lab.vision.following.edge_points import StripEdges, _common
 from eimi_lab.vision.following.hypotheses import Hypotheses
@@ -541,3 +541,11 @@ def test_a_step_of_the_shared_unknowns_is_a_gauss_newton_step_with_priors() -> N
     idle = _SharedUnknowns(1.0, cover, 12.0)
     idle.step(np.zeros((0, 5, 3)), np.zeros((0, 5)))
     assert idle.values.tolist() == [1.0, 2.0, 3.0]
+
+
+def test_a_picture_of_one_colour_has_no_separation() -> None:
+    found = project(unrolled(np.full((60, 53, 3), 90.0)), EDGES[1], 1.0, 1.0)
+    assert found.separation == pytest.approx(np.full(60, math.sqrt(1e-9)), rel=1e-6)
+    assert not found.weight.any()
+    assert not found.step.any()
+    assert not found.level.any()

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from eimi_lab.virtual.simulation import _HEXAHEDRON, _QUADRILATERAL
+from eimi_lab.virtual.simulation import _HEXAHEDRON, _QUADRILATERAL, _both_halves
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.intensity import (
     FieldCorrection,
@@ -229,3 +229,20 @@ def test_the_nodes_of_elements_are_written_in_the_order_of_vtk() -> None:
     assert flat[:4].tolist() == [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]]
     assert flat[4:8].tolist() == [flat[[k, (k + 1) % 4]].mean(axis=0).tolist() for k in range(4)]
     assert flat[8].tolist() == [1.0, 1.0]
+
+
+def test_the_computed_half_of_a_solid_is_mirrored_at_the_middle_of_its_depth() -> None:
+    place = np.array([[a, b, c] for a in range(3) for b in range(3) for c in range(3)], float)
+    moved = np.random.default_rng(1).normal(0.0, 1.0, (27, 3))
+    moved[::3, 2] = 0.0  # at mid-depth
+    element = np.arange(27)[None]
+    nodes, displacement, elements = _both_halves(place, moved, element)
+    assert len(nodes) == len(displacement) == 27 + 18  # the nodes at mid-depth belong to both halves
+    assert nodes[:27].tolist() == place.tolist()
+    assert elements[0].tolist() == list(range(27))
+    other = nodes[elements[1]]
+    flipped = place.reshape(9, 3, 3)[:, ::-1].reshape(27, 3) * [1.0, 1.0, -1.0]
+    assert other.tolist() == flipped.tolist()
+    of_flipped = moved.reshape(9, 3, 3)[:, ::-1].reshape(27, 3) * [1.0, 1.0, -1.0]
+    assert displacement[elements[1]] == pytest.approx(of_flipped)
+    assert np.unique(nodes, axis=0).shape == nodes.shape

@@ -375,6 +375,8 @@ def test_a_served_picture_begins_at_the_corner_of_the_sensor(monkeypatch: pytest
     assert shown[1:, 2:].tolist() == (image >> 4).astype(np.uint8).tolist()
     assert not shown[0].any()
     assert not shown[:, :2].any()
+    whole = rig.model_copy(update={"camera": rig.camera.model_copy(update={"region": None})})
+    assert pictures(whole, specimen, "line")().shape == (3, 4)
 
 
 def test_the_files_of_a_simulation_have_every_state(tmp_path: Path) -> None:
