@@ -12,6 +12,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
+from PIL.ExifTags import IFD, Base
 
 from eimi_drivers.interfaces import Frame
 from eimi_lab.config.toml import check as parsed
@@ -21,6 +23,7 @@ from eimi_lab.vision.calibration import calibration_file
 from eimi_lab.vision.calibration.board import Board
 from eimi_lab.vision.calibration.calibration_file import BenchSetup, from_board, from_ruler
 from eimi_lab.vision.calibration.clicked_bench import ClickedBench, MeasuredBench, measure_bench
+from eimi_lab.vision.calibration.exif_lens import focal_length
 from eimi_lab.vision.calibration.lens import BoardPose
 from eimi_lab.vision.calibration.plumb_line import measure_plumb_line
 from eimi_lab.vision.check import Check, Severity
@@ -28,6 +31,7 @@ from eimi_lab.vision.edges import back_lit, passes
 from eimi_lab.vision.edges.back_lit import BackLitSearch, _is_brighter_than_beside
 from eimi_lab.vision.edges.clamp_line import ClampLine, find_clamp_line
 from eimi_lab.vision.edges.edge_set import EdgePoints, EdgeSet, tip_angle_deg, tip_angle_sigma_deg
+from eimi_lab.vision.edges.overlay import contact_sheet
 from eimi_lab.vision.edges.passes import SiliconeMargin, _clear_of_ends, _inner_reach_px
 from eimi_lab.vision.edges.profiles import Cover, _SharedUnknowns
 from eimi_lab.vision.edges.silhouette import BackLight
@@ -549,3 +553,29 @@ def test_a_picture_of_one_colour_has_no_separation() -> None:
     assert not found.weight.any()
     assert not found.step.any()
     assert not found.level.any()
+
+
+@pytest.mark.parametrize(
+    ("unit", "unit_mm"), [(None, 25.4), (2, 25.4), (3, 10.0), (4, 1.0), (5, 1e-3), (1, 25.4), (9, 25.4)]
+)
+def test_the_resolution_of_a_sensor_is_given_in_inches_without_a_unit(
+    tmp_path: Path, unit: int | None, unit_mm: float
+) -> None:
+    exif = Image.Exif()
+    table = {"FocalLength": 4.0, "FocalPlaneXResolution": 5000.0, "ExifImageWidth": 4000, "ExifImageHeight": 3000}
+    units = {} if unit is None else {"FocalPlaneResolutionUnit": unit}
+    exif.get_ifd(IFD.Exif).update({Base[name]: value for name, value in {**table, **units}.items()})
+    Image.new("RGB", (400, 300)).save(tmp_path / "a.jpg", exif=exif)
+    lens = focal_length(tmp_path / "a.jpg", (400, 300))
+    assert lens is not None
+    assert lens.px == pytest.approx(4.0 * 5000.0 / unit_mm * 400.0 / 4000.0)
+    assert lens.source == "focal length of 4 mm and resolution of the sensor from the Exif data of the picture"
+
+
+def test_a_picture_on_a_sheet_is_at_least_1_px_wide() -> None:
+    sheet = contact_sheet([np.zeros((2000, 4, 3), np.uint8), np.zeros((4, 2000, 3), np.uint8)], ["", ""])
+    dark = (sheet == 0).all(axis=2)
+    assert dark[:, :320].any(axis=0).nonzero()[0].tolist() == [0]
+    assert dark[:, 320:].any(axis=1).nonzero()[0].tolist() == [20]
+    assert dark[:, :320].sum() == 256  # 280 px without the caption and a margin
+    assert dark[:, 320:].sum() == 316

@@ -107,14 +107,15 @@ def clicked_line(clamp_px: Array, ahead: Array, clicks_px: Array) -> CentreLine:
     # The direction of the beam is a random walk, and each click measures a position: a cubic smoothing spline
     # (G. Wahba, J. R. Stat. Soc. B 40 (1978) 364).
     corners = _merged(off_clamp(clamp_px, clicks_px))
-    chord = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
-    at, clicked = np.linspace(0.0, chord[-1], 4 * _SAMPLES), chord[1:]
-    measured = _covariance(clicked, clicked, chord[-1]) + _CLICK_SIGMA_PX**2 * np.eye(len(clicked))
-    weight = np.linalg.solve(measured, _covariance(clicked, at, chord[-1])).T
+    clicked = np.cumsum(np.hypot(*np.diff(corners, axis=0).T))
+    length = float(clicked[-1])
+    at = np.linspace(0.0, length, 4 * _SAMPLES)
+    measured = _covariance(clicked, clicked, length) + _CLICK_SIGMA_PX**2 * np.eye(len(clicked))
+    weight = np.linalg.solve(measured, _covariance(clicked, at, length)).T
     straight = corners[1:] - clamp_px - clicked[:, None] * ahead
     line = clamp_px + at[:, None] * ahead + weight @ straight
-    before = _CLAMP_SIGMA_PX**2 + (_AXIS_SIGMA_RAD * at) ** 2 + _TURN_SIGMA_RAD**2 * at**3 / (3.0 * chord[-1])
-    variance = before - (weight * _covariance(at, clicked, chord[-1])).sum(axis=1)
+    before = _CLAMP_SIGMA_PX**2 + (_AXIS_SIGMA_RAD * at) ** 2 + _TURN_SIGMA_RAD**2 * at**3 / (3.0 * length)
+    variance = before - (weight * _covariance(at, clicked, length)).sum(axis=1)
     free_px = np.maximum(CLICKED_PX, _LIKELY * np.sqrt(np.maximum(variance, 0.0)))
     return _line(line, free_px, _CLICKED_EVIDENCE, _CLICKED_COST)
 
