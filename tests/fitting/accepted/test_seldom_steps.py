@@ -31,8 +31,9 @@ from eimi_fitting.inference.evidence.sources import SOURCES
 from eimi_fitting.inference.evidence.tensile_curves import TensileCurve, TensileEvidence
 from eimi_fitting.inference.evidence.unknowns import NuisancePrior, Unknowns, nuisances
 from eimi_fitting.inference.identification import _problem, _search, identify
-from eimi_fitting.inference.interval import noise
+from eimi_fitting.inference.interval import covariance, estimate, noise
 from eimi_fitting.inference.interval.noise import linearise_noise
+from eimi_fitting.inference.interval.profile_likelihood import Ends
 from eimi_fitting.inference.planning import modulus_so_far
 from eimi_fitting.inference.planning.design_of_experiment import EdgeNoise, KnownLaw, candidates, states_reached
 from eimi_fitting.inference.planning.exchange import exchange
@@ -481,3 +482,25 @@ def test_a_solid_without_a_depth_effect_has_the_planar_modulus_without_its_bias(
     assert corrected.noise_Pa == pytest.approx(plain.noise_Pa / 1.25)
     assert corrected.narrowest_Pa == corrected.width_Pa == pytest.approx(plain.width_Pa / 1.25)
     assert (plain.depth, corrected.depth, plain.limited_by) == (None, None, "the noise of the edges")
+
+
+@pytest.mark.parametrize(("high", "remaining"), [(1.0, 1.0), (0.99, 0.12**0.5 / 10)])
+def test_a_bulk_modulus_without_an_upper_end_is_not_determined(
+    monkeypatch: pytest.MonkeyPatch, high: float, remaining: float
+) -> None:
+    strain = Specimen(28.0, 2.0, 6.0, 1070.0, "plane-strain", BEAM.magnet)
+    plain = problem(experiment(edges(strain, law=NEO), strain))
+    given = replace(plain, unknowns=Unknowns(plain.unknowns.space.with_bulk()))
+    optimum = polish(given.nearby(1.0), np.array([0.5, 0.6]))
+    asked: list[Any] = []
+
+    def stopped(*parts: Any) -> Any:
+        asked.append(parts)
+        raise Stopped
+
+    monkeypatch.setattr(covariance.Linearisation, "covariance", lambda self, widened=1.0: 1e-4 * np.eye(2))
+    monkeypatch.setattr(estimate, "_ends", lambda *given: Ends(np.array([0.4, 0.5]), np.array([0.6, high]), (1,)))
+    monkeypatch.setattr(estimate, "_identifiability", stopped)
+    with pytest.raises(Stopped):
+        estimate.estimate(given, optimum, (), linearise_noise(given, optimum), (), 1)
+    assert asked[0][4] == pytest.approx([0.12**0.5 / 10, remaining])
