@@ -162,6 +162,11 @@ def test_a_licence_is_an_identifier_or_an_address() -> None:
             metadata.licence_node(wrong)
 
 
+def test_a_published_file_is_printed_without_its_fits() -> None:
+    assert "about='A run.'" in repr(FILES[0])
+    assert "fits=(" not in repr(FILES[1])
+
+
 def test_a_fit_whose_dataset_is_missing_is_named_once() -> None:
     twice = published("more.json", "fits", fits=(Fit("a", 1.0, None, "c" * 64), Fit("b", 1.0, None, "c" * 64)))
     assert without_dataset([*FILES, twice]) == (
