@@ -337,6 +337,15 @@ def test_a_difference_equal_to_the_tolerance_is_permitted(measured_A: float, is_
                 act()
 
 
+def test_the_longest_of_the_last_three_exchanges_counts() -> None:
+    supply = Supply()
+    coil = coil_on(supply)
+    for exchange_s in (0.5, 0.1, 0.2, 0.3, 0.25):
+        supply.exchange_s = exchange_s
+        coil._set(0.1)
+    assert list(coil._took_s) == pytest.approx([0.2, 0.3, 0.25])
+
+
 def test_after_the_output_was_off_the_silence_of_the_sensors_is_counted_anew(monkeypatch: pytest.MonkeyPatch) -> None:
     calls: list[Any] = []
     supply = Supply()

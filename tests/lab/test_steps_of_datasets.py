@@ -396,6 +396,10 @@ def test_stored_motions_of_a_kind_are_replaced() -> None:
         stored_motions.write_motions(file, "creep", [moved("d", "creep")], 30.0)
         assert [motion.label for motion in stored_motions.read_motions(file, "creep")] == ["d"]
         assert [motion.label for motion in stored_motions.read_motions(file, "ring_down")] == ["c"]
+        exposed = [replace(moved("e"), exposure_s=exposure_s) for exposure_s in (None, 0.004)]
+        stored_motions.write_motions(file, "ring_down", exposed, 30.0)
+        read = stored_motions.read_motions(file, "ring_down")
+        assert [motion.exposure_s for motion in read] == [None, 0.004]
 
 
 # Edges in a file

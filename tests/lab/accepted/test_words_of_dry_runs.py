@@ -40,13 +40,14 @@ ONCE = PLAIN.model_copy(
 BOTH = PLAIN.model_copy(
     update={"current": PLAIN.current.model_copy(update={"both_polarities": True}), "transients": ONCE.transients}
 )
+HIGH = ONCE.model_copy(update={"limits": PLAIN.limits.model_copy(update={"voltage_V": 60.0})})
 VIRTUAL = load_rig("virtual")
 HALL = RigSensor(name="hall", driver="lakeshore-425", address="COM7", measures="field")
 
 
-def real(driver: str, **more: Any) -> Rig:
-    """Return the virtual rig with a real supply that has smaller limits than the protocol."""
-    limits = VIRTUAL.supply.limits.model_copy(update={"current_A": 1.55, "voltage_V": 20.0})
+def real(driver: str, voltage_V: float = 20.0, **more: Any) -> Rig:
+    """Return the virtual rig with a real supply whose current limit is smaller than that of the protocol."""
+    limits = VIRTUAL.supply.limits.model_copy(update={"current_A": 1.55, "voltage_V": voltage_V})
     supply = VIRTUAL.supply.model_copy(
         update={"driver": driver, "address": "/dev/ttyUSB3", "limits": limits, "off_below_A": 0.03}
     )
@@ -68,6 +69,7 @@ RUNS: dict[str, tuple[Any, Any, bool]] = {
     "of both polarities on the virtual rig": (BOTH, VIRTUAL, False),
     "on a bipolar supply": (BOTH, real("kepco-bop"), False),
     "with another driver": (FULL, real("other"), True),
+    "with a high voltage": (HIGH, real("korad", 50.0), False),
 }
 
 
