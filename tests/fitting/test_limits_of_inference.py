@@ -18,7 +18,7 @@ from eimi_fitting.inference.interval.draws import normal_draws
 from eimi_fitting.inference.interval.identifiability import directions
 from eimi_fitting.inference.interval.profile_likelihood import Ends, interval_ends
 from eimi_fitting.inference.planning.choice_of_law import Candidate
-from eimi_fitting.inference.planning.exchange import exchange
+from eimi_fitting.inference.planning.exchange import _exchanged, exchange
 from eimi_fitting.inference.searching import search
 from eimi_fitting.inference.searching.polish import polish
 from eimi_fitting.inference.searching.search import Run
@@ -251,3 +251,24 @@ def test_one_measured_point_has_its_own_distance_as_the_error() -> None:
     assert found.error_mm[0].tolist() == pytest.approx([0.5, 0.0])
     assert found.deviation_mm[0].tolist() == [0.0, 0.0]
     assert found.weights.sum() == 1.0
+
+
+class Falling:
+    """A criterion that every exchange lowers, by a share of its value."""
+
+    def __init__(self, share: float) -> None:
+        self.share, self.calls = share, 0
+
+    def __len__(self) -> int:
+        return 4
+
+    def variance(self, choices: np.ndarray) -> np.ndarray:
+        self.calls += 1
+        return np.full(len(choices), (1 - self.share) ** self.calls)
+
+
+@pytest.mark.parametrize(("share", "sweeps"), [(0.1, 20), (0.6e-6, 20), (0.45e-6, 1)])
+def test_states_are_exchanged_in_at_most_twenty_sweeps_while_each_gains_a_millionth(share: float, sweeps: int) -> None:
+    falling = Falling(share)
+    _exchanged(falling, np.array([0, 2]))
+    assert falling.calls == 1 + 2 * sweeps

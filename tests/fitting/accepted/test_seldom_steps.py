@@ -18,6 +18,7 @@ from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.rest_modes import with_modes
 from eimi_fitting.beam.specimen import Specimen
 from eimi_fitting.discovery import terms_of_a_law
+from eimi_fitting.discovery.tensile_rows import tensile_rows
 from eimi_fitting.discovery.terms_of_a_law import discover
 from eimi_fitting.inference import corrected_optimum, identification
 from eimi_fitting.inference.doubts.checks import slip_doubts
@@ -37,6 +38,7 @@ from eimi_fitting.inference.interval.profile_likelihood import Ends
 from eimi_fitting.inference.planning import modulus_so_far
 from eimi_fitting.inference.planning.design_of_experiment import EdgeNoise, KnownLaw, candidates, states_reached
 from eimi_fitting.inference.planning.exchange import exchange
+from eimi_fitting.inference.searching import measured_rest_shape
 from eimi_fitting.inference.searching._cma import _Absent
 from eimi_fitting.inference.searching.modulus_range import NothingActs, NothingConverged, narrowed, scanned
 from eimi_fitting.inference.searching.named_causes import NamedCause, doubtful_loads
@@ -504,3 +506,57 @@ def test_a_bulk_modulus_without_an_upper_end_is_not_determined(
     with pytest.raises(Stopped):
         estimate.estimate(given, optimum, (), linearise_noise(given, optimum), (), 1)
     assert asked[0][4] == pytest.approx([0.12**0.5 / 10, remaining])
+
+
+def test_a_scan_of_moduli_has_twenty_points_a_state(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[float] = []
+
+    def stopped(problem: Problem, points_: float) -> Any:
+        asked.append(points_)
+        raise Stopped
+
+    monkeypatch.setattr(modulus_so_far, "scanned", stopped)
+    monkeypatch.setattr(measured_rest_shape, "scanned", stopped)
+    one = experiment(edges(law=NEO))
+    with pytest.raises(Stopped):
+        modulus_so_far.modulus_so_far(one)
+    with pytest.raises(Stopped):
+        measured_rest_shape._scanned_modulus(one)
+    assert asked == [80.0, 80.0]
+
+
+def test_a_rest_shape_and_its_modulus_are_fitted_in_turn_three_times(monkeypatch: pytest.MonkeyPatch) -> None:
+    loads = Loads.along((0.0, 0.01, *np.linspace(1.0, 3.0, 7)), gravity_angle_deg=1.5)
+    bent = with_modes(BEAM, (0.4, 0.2, 0.0))
+    one = experiment(edges(bent, loads, NEO), BEAM, loads)
+    scanned_in: list[Any] = []
+    nearby: list[float] = []
+    monkeypatch.setattr(
+        measured_rest_shape, "_scanned_modulus", lambda bent: scanned_in.append(bent.loads.field_T) or 40e3
+    )
+    monkeypatch.setattr(measured_rest_shape, "_nearby_modulus", lambda bent, near: nearby.append(near) or near + 2e3)
+    found = measured_rest_shape.measured_rest_shape(one)
+    assert found is not None
+    # Four of the seven bent states, equally spaced.
+    np.testing.assert_allclose(scanned_in[0], loads.field_T[[2, 4, 6, 8]])
+    assert nearby == [40e3, 42e3, 44e3]
+
+
+def test_edges_are_linearised_at_most_nine_times(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = TensileCurve(np.linspace(0.02, 1.0, 30), 40e3 * np.linspace(0.02, 1.0, 30))
+    terms = (Term.of("i1"), Term.of("i2"))
+    pulled, _ = tensile_rows(one, terms)
+    calls: list[int] = []
+
+    def bent(*given: Any) -> Any:
+        calls.append(1)
+        rows = replace(pulled, nuisances=np.zeros((len(pulled.observed), 1)))
+        return rows, [0.01 * 1.1 ** len(calls)]  # the noise never stays the same
+
+    monkeypatch.setattr(terms_of_a_law, "bending_rows", bent)
+    terms_of_a_law._linearised([], terms, np.array([40e3, 1e3]), 0.0, [pulled])
+    assert len(calls) == 9
+    calls.clear()
+    monkeypatch.setattr(terms_of_a_law, "bending_rows", lambda *given: (bent(*given)[0], [0.01]))
+    terms_of_a_law._linearised([], terms, np.array([40e3, 1e3]), 0.0, [pulled])
+    assert len(calls) == 2
