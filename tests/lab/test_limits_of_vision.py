@@ -395,3 +395,22 @@ def test_reliable_places_are_drawn_green_and_others_red() -> None:
         for side in (-0.5, 0.5):
             x, y = (clear.place[number] + side * clear.width[number] * normal + 0.5) * 4 - 0.5
             assert tuple(outline[round(float(y)), round(float(x))]) == colour
+
+
+@pytest.mark.parametrize("turn_deg", [20.0, 140.0, -75.0])
+def test_the_corners_turn_with_the_beam(turn_deg: float) -> None:
+    turn = math.radians(turn_deg)
+    rotation = np.array([[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]])
+    y = np.arange(5.0, 86.0, 4.0)
+    x = np.linspace(-6.0, 7.0, 9)
+    lines = (
+        np.column_stack([-7.0 + 0.002 * y**2, y]),
+        np.column_stack([x, np.full(9, 90.0)]),
+        np.column_stack([8.0 + 0.03 * y, y]),
+    )
+    straight = _corners(ClampLine(np.zeros(2), np.array([0.0, 1.0]), 1.0), *map(line_side, lines), 20.0)
+    assert straight[:2] == pytest.approx(np.array([[-7.0, 0.0], [8.0, 0.0]]), abs=1e-9)
+    assert straight[3] == pytest.approx([10.7, 90.0])
+    turned = ClampLine(np.array([30.0, 40.0]), np.array([0.0, 1.0]) @ rotation, 1.0)
+    found = _corners(turned, *(line_side(line @ rotation + [30.0, 40.0]) for line in lines), 20.0)
+    assert found == pytest.approx(straight @ rotation + [30.0, 40.0], abs=1e-6)
