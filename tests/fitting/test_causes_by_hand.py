@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from statistics import NormalDist
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,7 +11,7 @@ import pytest
 
 from eimi_fitting.inference.doubts import causes
 from eimi_fitting.inference.doubts.causes import weighed_causes
-from eimi_fitting.inference.doubts.deviating_inputs import Deviation
+from eimi_fitting.inference.doubts.deviating_inputs import Deviation, deviations
 from eimi_fitting.inference.doubts.marginal_likelihood import Posterior
 from eimi_fitting.inference.doubts.possible_causes import of_source
 
@@ -165,3 +166,54 @@ def test_without_an_equilibrium_or_an_effect_no_cause_is_weighed(monkeypatch: py
     assert weighed_causes(nothing, None, (), (SHIFT,)).causes == ()  # type: ignore[arg-type]
     monkeypatch.setattr(causes.LinearisedFit, "of", lambda problem, optimum, possible: SimpleNamespace(solved=(1,)))
     assert weighed_causes(nothing, None, (), (SHIFT,)).causes == ()  # type: ignore[arg-type]
+
+
+class Inputs:
+    """A replacement for the comparison of sets, in which the residuals show that an input differs."""
+
+    blocks = ((1, 2), (3,))
+    hypotheses = ((), (1,))
+
+    def __init__(self, squares: float) -> None:
+        self.squares = squares
+
+    def rows_of_inputs(self, cause: int) -> list[int]:
+        return [5] if cause == 1 else []
+
+    def squares_of(self, base: int, posterior: Posterior, rows: list[int]) -> float:
+        assert rows == [5]
+        return self.squares
+
+    def shown(self, cause: int) -> int:
+        return 2 - cause
+
+    def scale(self, rows: Any) -> np.ndarray:
+        return np.array([1.0, 0.5, 0.2, 0.1])[list(rows)]
+
+    def as_cause(self, rows: list[int], amounts: np.ndarray, cause: int) -> np.ndarray:
+        assert (rows, amounts.tolist(), cause) == ([5], [0.7], 1)
+        return np.array([-0.04])
+
+    def if_exact(self, base: int, rows: list[int]) -> Any:
+        means = np.array([[0.01, 0.0, 0.0, 0.0], [0.03, 0.1, -0.12, 0.0], [-0.02, 0.0, 0.0, -0.05]])
+        squares = (means / [1.0, 0.5, 0.2, 0.1]) ** 2 + 0.04
+        exact = Posterior(np.zeros(3), means, squares, np.zeros(3))
+        return SimpleNamespace(causes=[0, 1], probability=np.array([0.1, 0.3, 0.6]), posterior=exact, classes=[(0, 1)])
+
+
+@pytest.mark.parametrize(("squares", "is_seen"), [(4.39, False), (4.4, True)])  # 2 ln 9 = 4.394
+def test_an_input_deviates_if_the_residuals_favour_it_by_nine_to_one(squares: float, is_seen: bool) -> None:
+    means = np.zeros((2, 6))
+    means[0, 5] = 0.7
+    posterior = Posterior(np.zeros(2), means, means, np.zeros(2))
+    found = deviations(Inputs(squares), posterior, 0)  # type: ignore[arg-type]
+    assert sorted(found) == ([0, 1] if is_seen else [])
+    assert deviations(Inputs(squares), posterior, 1) == {}  # type: ignore[arg-type]
+    if is_seen:
+        # The shift has 0.6 prior sizes, and the width 0.4; up to 0.3 is negligible. The standard deviation is 0.2.
+        beyond = [NormalDist().cdf((size - 0.3) / 0.2) + NormalDist().cdf((-size - 0.3) / 0.2) for size in (0.6, 0.4)]
+        shift, width = found[0], found[1]
+        assert (shift.probability, width.probability) == pytest.approx((0.3 * beyond[0], 0.6 * beyond[1]))
+        assert (shift.value, width.value) == pytest.approx((-np.hypot(0.1, 0.12), -0.04))
+        assert (shift.moved, width.moved) == pytest.approx((0.02, -0.03))
+        assert (shift.cause, shift.like, width.cause, width.like) == (0, (1,), 1, (0,))
