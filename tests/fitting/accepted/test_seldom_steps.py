@@ -560,3 +560,84 @@ def test_edges_are_linearised_at_most_nine_times(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(terms_of_a_law, "bending_rows", lambda *given: (bent(*given)[0], [0.01]))
     terms_of_a_law._linearised([], terms, np.array([40e3, 1e3]), 0.0, [pulled])
     assert len(calls) == 2
+
+
+@pytest.mark.parametrize(
+    ("units", "objectives", "kept", "passes"),
+    [
+        ((0.6, 0.4), (1.0, 1.02), 1, 2),  # the second pass is worse, and moved farther than the whole change
+        ((0.6, 0.4), (1.0, 1.0), 2, 3),
+        ((0.6, 0.59, 0.585), (1.0, 1.0, 1.0), 3, 3),
+        ((0.6, 0.60005), (1.0, 1.0), 2, 2),  # a change of 0.02 per cent
+        ((0.6, None), (1.0, 1.0), 1, 2),  # no equilibrium in the second pass
+        ((None,), (), 0, 1),
+    ],
+)
+def test_the_solid_corrects_a_fit_up_to_three_times(
+    monkeypatch: pytest.MonkeyPatch,
+    units: tuple[float | None, ...],
+    objectives: tuple[float, ...],
+    kept: int,
+    passes: int,
+) -> None:
+    solid = replace(BEAM, section="solid", depth_mm=4.0)
+    given = problem(polished(experiment(edges(solid, law=NEO), solid)))
+    given = replace(
+        given, unknowns=replace(given.unknowns, space=replace(given.unknowns.space, lower=(1e4,), upper=(1e6,)))
+    )
+    asked: list[Any] = []
+
+    def change(problem_: Problem, refinement: Any, experiments: Any, unit: Any, start: Any = None) -> Any:
+        number = len(asked)
+        asked.append((float(unit[0]), start and start.number))
+        if number >= len(units) or units[number] is None:
+            return None
+        return SimpleNamespace(number=number + 1, added=lambda experiments: (f"corrected {number + 1}",))
+
+    def with_change(changed: Any, now: Any, optimum: Any) -> Any:
+        number = len(asked)
+        reached = SimpleNamespace(
+            unit=np.array([units[number - 1]]),
+            evaluation=SimpleNamespace(objective_mm=np.array([objectives[number - 1]])),
+        )
+        return changed, reached
+
+    monkeypatch.setattr(corrected_optimum, "_change", change)
+    monkeypatch.setattr(corrected_optimum, "_with_change", with_change)
+    start: Any = SimpleNamespace(unit=np.array([0.5]), evaluation=SimpleNamespace(objective_mm=np.array([2.0])))
+    corrected, optimum, effects = corrected_optimum._with_depth(given, start)
+    assert len(asked) == passes
+    if not kept:
+        assert (corrected, optimum, effects) == (given, start, [])
+        return
+    assert corrected.experiments == (f"corrected {kept}",)
+    assert optimum.unit[0] == units[kept - 1]
+    (effect,) = effects
+    assert effect.moved == pytest.approx([units[kept - 1] - 0.5])
+    assert (effect.correction.number, effect.least_percent) == (kept, 0.15)
+    moved = [100 * (100**step - 1) for step in np.diff([0.5, *[unit for unit in units if unit is not None]])]
+    expected = min(max(0.05, abs(moved[-1]) / abs(100 * (100 ** (units[kept - 1] - 0.5) - 1))), 1.0)
+    assert effect.share == pytest.approx(expected)
+
+
+def test_the_options_of_a_search_reach_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    given = {
+        "seed": 5,
+        "population": 9,
+        "most_generations": 33,
+        "restarts": 2,
+        "bipop": True,
+        "replay": ("stored",),
+        "progress": print,
+    }
+    asked: list[dict[str, Any]] = []
+
+    def stopped(coarse: Problem, points_: float, **options: Any) -> Any:
+        asked.append(options)
+        raise Stopped
+
+    monkeypatch.setattr(identification, "_search", stopped)
+    with pytest.raises(Stopped):
+        identify(NEO, [experiment(edges(law=NEO))], **given)  # type: ignore[arg-type]
+    assert asked[0].pop("enough_mm") == 0.5
+    assert asked[0] == given
