@@ -173,3 +173,24 @@ def test_a_dark_region_of_nearly_the_colour_of_a_dark_beam_stays_a_part_of_it(
     found = move_off_shadows(picture, on_border(picture, 0.3), 1.0)
     assert np.median(found.edge[1]) == pytest.approx(0.5 if is_moved else 0.8, abs=0.05)
     assert np.median(found.shadow[1]) == pytest.approx(0.3, abs=0.05)  # the doubt remains in both cases
+
+
+@pytest.mark.parametrize(
+    ("of_colours", "shadowless", "is_moved"),
+    [(10.0, 3.1, True), (10.0, 3.0, False), (100.0, 16.0, True), (100.0, 14.0, False)],
+)
+def test_an_edge_is_moved_where_the_shadowless_sum_is_clear(
+    monkeypatch: pytest.MonkeyPatch, of_colours: float, shadowless: float, is_moved: bool
+) -> None:
+    picture = shaded(0.5, 0.25)
+
+    def with_separation(seams: Seams, value: float) -> Seams:
+        left, right = (replace(side, separation=np.full(60, value)) for side in seams.projected)
+        return replace(seams, projected=(left, right))
+
+    inner = with_separation(on_border(picture, 0.0), shadowless)
+    monkeypatch.setattr(shadows, "find_colour_seams", lambda *_, **options: inner)
+    border = with_separation(on_border(picture, 0.25), of_colours)
+    found = move_off_shadows(picture, border, 1.0)
+    assert (found is not border) is is_moved
+    assert np.median(found.edge[1]) == (0.5 if is_moved else 0.75)

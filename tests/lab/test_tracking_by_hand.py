@@ -371,3 +371,44 @@ def test_a_place_far_from_the_smooth_band_is_left_out(monkeypatch: pytest.Monkey
     assert tracked._near(picture(0.0)[..., 1], curve, 1.0) is not None  # twelve of 24 places
     contrast[11] = 0.3 * tracked._contrast
     assert tracked._near(picture(0.0)[..., 1], curve, 1.0) is None
+
+
+@pytest.mark.parametrize(("aside", "rounds"), [(0.9, 1), (1.1, 3)])
+def test_the_edges_are_measured_again_if_the_curve_was_farther_than_a_pixel(
+    monkeypatch: pytest.MonkeyPatch, aside: float, rounds: int
+) -> None:
+    tracked = tracker()
+    sides: list[float] = []
+    reaches: set[float] = set()
+
+    def edge(grey: Array, places: Array, normals: Array, side: float, reach: float) -> Array:
+        sides.append(side)
+        reaches.add(reach)
+        return places + (aside + 7.0 * side) * normals
+
+    monkeypatch.setattr(tracked, "_edge", edge)
+    curve = tracked._curve
+    seen, moved = tracked._on_edges(picture(0.0)[..., 1], curve, 3.0, None)
+    assert sides == [1.0, -1.0] * rounds
+    assert reaches == {8.5}  # 7 px and half of the motion
+    places, normals = curve.at(tracked._along_px)
+    offset = _across(moved.at(tracked._along_px)[0], places, normals)
+    assert offset == pytest.approx(np.full(STATIONS, rounds * aside), abs=0.02 * rounds)
+    assert np.isfinite(seen.middle_px).all()
+
+
+def test_an_edge_point_far_from_the_smooth_curve_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    tracked = tracker()
+    curve = tracked._curve
+    for off_px, is_kept in ((2.0, True), (5.0, False)):
+        shift = np.zeros(STATIONS)
+        shift[9] = off_px
+        monkeypatch.setattr(
+            tracked,
+            "_edge",
+            lambda grey, places, normals, side, reach, shift=shift: places + (shift[:, None] + 7.0 * side) * normals,
+        )
+        seen, _ = tracked._on_edges(picture(0.0)[..., 1], curve, 0.0, None)
+        finite = np.isfinite(seen.middle_px[:, 0])
+        assert finite.tolist() == [number != 9 or is_kept for number in range(STATIONS)]
+        assert np.isfinite(seen.left_px[:, 0]).tolist() == np.isfinite(seen.right_px[:, 0]).tolist() == finite.tolist()
