@@ -184,6 +184,8 @@ def effect_of_turns(beside: SolidBeside, monkeypatch: pytest.MonkeyPatch, turns:
         ([0.0, -0.5, -0.8, -1.0], True),
         ([0.0, 0.5, 1.0, 0.9991], True),
         ([0.0, 0.5, 1.0, 0.9989], False),
+        ([0.0, 1.0, 2.0, 1.9981], True),
+        ([0.0, 1.0, 2.0, 1.9979], False),
         ([0.0, -0.5, -1.0, -0.9991], True),
         ([0.0, -0.5, -1.0, -0.9989], False),
         ([0.5, 1.0, 0.2, 0.8], False),
