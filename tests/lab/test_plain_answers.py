@@ -37,10 +37,10 @@ def header(text: str) -> Any:
     return SimpleNamespace(documents={"specimen": SimpleNamespace(text=text)}, instruments=("A",))
 
 
-def guardian(answers: bool) -> Any:
-    """Return a connection to a guardian process, which is gone unless it `answers`."""
+def guardian_that_is_gone() -> Any:
+    """Return a connection to a guardian process that has ended."""
     made: Any = Guardian.__new__(Guardian)
-    made._to = SimpleNamespace(fileno=lambda: 2 if answers else -1)
+    made._to = SimpleNamespace(fileno=lambda: -1)
     return made
 
 
@@ -77,7 +77,7 @@ ANSWERS: dict[str, tuple[Callable[[], Any], Any]] = {
     "a calibration without a field": (lambda: coil_shape.with_rows_of_map({}, Path("c.toml")), False),
     "a calibration without a map": (lambda: coil_shape.with_rows_of_map({"field": {}}, Path("c.toml")), False),
     "a file without a lock": (lambda: writer_lock.is_being_written(Path("nothing.h5")), False),
-    "a message to a guardian that is gone": (lambda: guardian(False)._send(b""), False),
+    "a message to a guardian that is gone": (lambda: guardian_that_is_gone()._send(b""), False),
     "memory of an unreadable file": (lambda: limits._linux(), 0),
     "a system without systemd": (lambda: scope.move_to_own_scope("name", "description"), False),
     "a user without a name": (lambda: scope._lasts_as_long_in_a_scope(), False),
