@@ -196,6 +196,7 @@ def simulated(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[SupplyTria
 
         def opened(driver: str, address: str, limits: Limits, on_clock: Any, transcript: Path) -> Any:
             assert on_clock is clock
+            watcher.told.append(("opens", driver, address, limits, transcript.name))
             supply: Any = SUPPLIES[driver](InProcessTransport(emulate(driver, coil), clock, address), limits, clock)
             measure = supply.measure
             supply.measure = lambda: watcher.measured_s.append(clock.now()) or measure()
@@ -203,7 +204,9 @@ def simulated(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[SupplyTria
 
         monkeypatch.setattr(supply_trial, "WallClock", lambda: clock)
         monkeypatch.setattr(supply_trial, "guarding", guarded)
-        monkeypatch.setattr(supply_trial, "only_run_on", lambda address: nullcontext())
+        monkeypatch.setattr(
+            supply_trial, "only_run_on", lambda address: nullcontext(watcher.told.append(("locks", address)))
+        )
         monkeypatch.setattr(supply_trial, "open_supply", opened)
         monkeypatch.setattr(supply_trial, "ON_FOR_S", 4.0)
         found = try_supply("aim-tti", "COM3", Path("wire.txt"), lambda: watcher.told.append(("person",)))
@@ -247,7 +250,9 @@ def test_every_step_of_a_trial_has_its_outcome(
     assert np.diff(watcher.measured_s[:20]) == pytest.approx([0.2] * 19)
     assert np.diff(watcher.measured_s[-10:]) == pytest.approx([0.1] * 9)
     assert watcher.told == [
+        ("locks", "COM3"),
         ("guards", "aim-tti", "COM3", Limits(1.0, 5.0)),
+        ("opens", "aim-tti", "COM3", Limits(1.0, 5.0), "wire.txt"),
         ("person",),
         ("expect", identity),
         ("arm",),
