@@ -21,7 +21,7 @@ from eimi_drivers.interfaces import (
     SensorReading,
     SwitchOffFailed,
 )
-from eimi_lab.acquisition import conditioning, output_off, pausing, run, settling, stepping, switching_off
+from eimi_lab.acquisition import conditioning, doubt, output_off, pausing, run, settling, stepping, switching_off
 from eimi_lab.acquisition import ring_downs as ring_downs_module
 from eimi_lab.acquisition.events import (
     FOUND_OFF,
@@ -529,6 +529,26 @@ def test_the_event_of_a_coil_that_is_off_says_what_was_measured() -> None:
     assert off_confirmed(None, "run") == OffConfirmed(by="run", determined_by="commanded")
 
 
+@pytest.mark.parametrize("doubted", [False, True])
+def test_a_doubt_is_sent_by_a_timer_that_ends_with_the_switching_off(
+    monkeypatch: pytest.MonkeyPatch, doubted: bool
+) -> None:
+    calls: list[Any] = []
+    timer = Noted(calls, "timer")
+
+    def fail() -> None:
+        calls.append("body")
+        raise KeyError
+
+    monkeypatch.setattr(doubt.threading, "Timer", noted(calls, "make", timer))
+    event: Any = OffNotConfirmed(by="run", reason="x") if doubted else None
+    with pytest.raises(KeyError), doubt.doubted_after(0.5, event, stop):  # type: ignore[arg-type]
+        fail()
+    before = [("make", 0.5, stop, (event,)), ("timer.start",)]
+    assert calls == [*before * doubted, "body", *[("timer.cancel",), ("timer.join",)] * doubted]
+    assert vars(timer).get("daemon") is (True if doubted else None)
+
+
 @pytest.mark.parametrize(("guarded", "ramp_failed"), [(False, ""), (True, ""), (True, "no answer")])
 def test_the_guardian_is_disarmed_after_the_coil_is_off(
     monkeypatch: pytest.MonkeyPatch, guarded: bool, ramp_failed: str
@@ -540,10 +560,10 @@ def test_the_guardian_is_disarmed_after_the_coil_is_off(
     monkeypatch.setattr(switching_off, "doubted_after", lambda *given: calls.append(("doubt", *given)) or nullcontext())
     event = noted(calls, "event")
     switching_off._off(coil, guardian, event, ramp_failed)
-    doubt = OffNotConfirmed(by="run", reason=ramp_failed, trying_process=os.getpid()) if ramp_failed else None
+    told = OffNotConfirmed(by="run", reason=ramp_failed, trying_process=os.getpid()) if ramp_failed else None
     assert calls == [
         *[("guardian.allow", 30.0)] * guarded,
-        ("doubt", 0.5, doubt, event),
+        ("doubt", 0.5, told, event),
         ("coil.switch_off",),
         *[("guardian.disarm",)] * guarded,
         ("event", OutputSwitched(on=False)),

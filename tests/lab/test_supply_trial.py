@@ -13,6 +13,7 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -275,6 +276,21 @@ def test_a_supply_is_measured_for_4_s_and_at_least_ten_times(
     trial, _, watcher = simulated()
     assert len(watcher.measured_s) == readings + 1 + 10  # one when it switches off, ten without a current
     assert f"({readings} readings)" in trial.steps[5].outcome
+
+
+@pytest.mark.parametrize(("recognised", "passed"), [(None, True), ("aim-tti", True), ("korad", False)])
+def test_a_supply_of_an_unknown_family_is_tried_and_one_of_another_is_not(
+    simulated: Callable[..., tuple[SupplyTrial, CoilSupply, Watcher]],
+    monkeypatch: pytest.MonkeyPatch,
+    recognised: str | None,
+    passed: bool,
+) -> None:
+    found = None if recognised is None else SimpleNamespace(driver=recognised)
+    monkeypatch.setattr(supply_trial, "recognise", lambda text: found)
+    trial, _, _ = simulated()
+    assert trial.passed is passed
+    if not passed:
+        assert trial.steps[0].outcome.endswith("to identify itself; this fits the driver korad, not aim-tti")
 
 
 def test_a_supply_whose_driver_measures_nothing_at_the_end_is_measured_by_the_trial(
