@@ -97,10 +97,10 @@ def test_acquire_passes_everything_on(called: Any) -> None:
             **{"events": False, "force": False, "watched_by": None},
         },
     )
-    result = bench.acquire("p", "s", "r", Path("o.h5"), take_over=True, events=True, force=True)
+    result = bench.acquire("p", "s", "r", Path("o.h5"), take_over="take", events="send", force="force")  # type: ignore[arg-type]
     assert result.lines == []
     assert calls[-1][2] | {"note": "", "transcript": None, "resume": False} == calls[-1][2]
-    assert (calls[-1][2]["take_over"], calls[-1][2]["events"], calls[-1][2]["force"]) == (True, True, True)
+    assert (calls[-1][2]["take_over"], calls[-1][2]["events"], calls[-1][2]["force"]) == ("take", "send", "force")
     assert bench.acquire("p", "s", "r", dry_run=True) == Result(["short"], {"dry_run": ["whole", "list"]})
     assert bench.acquire("p", "s", "r", dry_run=True, verbose=True).lines == ["whole", "list"]
     for wrong, words in (
@@ -362,8 +362,8 @@ def test_fit_prints_each_fit_with_its_remarks(called: Any, monkeypatch: pytest.M
     }
     assert calls[-1] == ("identify_laws", ([Path("a")], ["yeoh"], options), keywords)
     given = {
-        **{"each": True, "bootstrap": 7, "workers": 3, "scheduler": "tcp://x", "checkpoint": Path("c")},
-        **{"resume": True, "force": True},
+        **{"each": "each", "bootstrap": 7, "workers": 3, "scheduler": "tcp://x", "checkpoint": Path("c")},
+        **{"resume": "resume", "force": "force"},
     }
     material_laws.fit(**files, seed=[4, 5], **given)  # type: ignore[arg-type]
     assert calls[-1][2] == {**given, "seeds": [4, 5], "output": Path("o")}
@@ -384,9 +384,9 @@ def test_validate_and_tensile_print_their_tables(called: Any, monkeypatch: pytes
     assert one == Result(["datasets ['v']", "seen data"], {"validations": 1})
     keywords = {"section": None, "include_flagged": False, "output": Path("o"), "force": False}
     assert calls[-1] == ("validate", ([Path("a")], [Path("f")]), keywords)
-    two = material_laws.validate([Path("a"), Path("b")], [], Path("o"), "solid", True, True, True)
+    two = material_laws.validate([Path("a"), Path("b")], [], Path("o"), "solid", "flagged", True, "force")  # type: ignore[arg-type]
     assert two.lines == ["datasets ['v']", "states ['v']", "matrix ['v']", "seen data"]
-    assert calls[-1][2] == {"section": "solid", "include_flagged": True, "output": Path("o"), "force": True}
+    assert calls[-1][2] == {"section": "solid", "include_flagged": "flagged", "output": Path("o"), "force": "force"}
 
     class Curve:
         def summary(self) -> str:
@@ -405,8 +405,8 @@ def test_validate_and_tensile_print_their_tables(called: Any, monkeypatch: pytes
     )
     keywords = {"window": ("20", "50", "100", "full"), "relative": False, "output": Path("o"), "force": False}
     assert calls[-1] == ("tensile", (Path("c"), ["yeoh"]), keywords)
-    material_laws.tensile(Path("c"), ["yeoh"], Path("o"), ["30"], True, True)
-    assert calls[-1][2] == {"window": ["30"], "relative": True, "output": Path("o"), "force": True}
+    material_laws.tensile(Path("c"), ["yeoh"], Path("o"), ["30"], "relative", "force")  # type: ignore[arg-type]
+    assert calls[-1][2] == {"window": ["30"], "relative": "relative", "output": Path("o"), "force": "force"}
 
 
 def test_export_prints_or_writes_the_card_with_its_caveats(
@@ -474,10 +474,10 @@ def test_plan_and_discover_pass_everything_on(called: Any, monkeypatch: pytest.M
         **{"both_polarities": False, "output": Path("o"), "force": False},
     }
     assert calls[-1] == ("plan", (Path("f"), "p", ["s"], "r"), defaults)
-    next_run.plan(Path("f"), "p", ["s"], "r", Path("o"), 4, "mu", "yeoh", [90.0], [1.0], True, True)
+    next_run.plan(Path("f"), "p", ["s"], "r", Path("o"), 4, "mu", "yeoh", [90.0], [1.0], "both", "force")  # type: ignore[arg-type]
     assert calls[-1][2] == {
         **{"states": 4, "goal": "mu", "model": "yeoh", "gravity_angle": [90.0], "tip_weight": [1.0]},
-        **{"both_polarities": True, "output": Path("o"), "force": True},
+        **{"both_polarities": "both", "output": Path("o"), "force": "force"},
     }
     monkeypatch.setattr(discovering, "lines", lambda discovery, output: [f"{discovery} in {output}"])
     called("eimi_lab.face.discovering.discover", SimpleNamespace(discovery="terms", content={"t": 1}))
@@ -489,7 +489,7 @@ def test_plan_and_discover_pass_everything_on(called: Any, monkeypatch: pytest.M
     assert calls[-1] == ("discover", ([Path("a")],), defaults)
     given: dict[str, Any] = {
         **{"tensile": [Path("t")], "tensile_window": "50", "term": ["i1"], "most_terms": 2, "lot": 0.1},
-        **{"section": "solid", "include_flagged": True, "seed": 5, "force": True},
+        **{"section": "solid", "include_flagged": "flagged", "seed": 5, "force": "force"},
     }
     studying.discover([Path("a")], Path("o"), **given)
     assert calls[-1][2] == {**given, "output": Path("o")}

@@ -228,7 +228,7 @@ def test_pictures_are_imported(called: Called, sources: dict[str, Path]) -> None
         sources,
         "v.mp4",
         calibration=Path("c"),
-        average=True,
+        average="mean",
         every=5,
         dark=Path("d"),
         flat=Path("f"),
@@ -237,7 +237,7 @@ def test_pictures_are_imported(called: Called, sources: dict[str, Path]) -> None
     )
     assert result.lines == [f"{output}: 3 states"]
     tail = {name: arguments for name, arguments, _ in calls}
-    assert tail["import_frames"][5:7] == (True, True)
+    assert tail["import_frames"][5:7] == (True, "mean")
     assert tail["import_frames"][9] == 5
     assert tail["missing_places"] == tail["load_calibration"] == ("c", {"axis_angle_deg": 4.0})
     assert tail["read_correction_images"] == (Path("d"), Path("f"))

@@ -158,15 +158,15 @@ def test_a_fit_passes_everything_on(called: Called) -> None:
     given_: dict[str, Any] = {
         **{"prior": [Prior("C10", 2e4, 500.0), "C20=1,2"], "section": "solid", "include_flagged": True},
         **{"free": ["width"], "tensile": "t.csv", "tensile_window": 30.0, "tensile_weight": 2.0, "restarts": 3},
-        **{"bipop": True, "time": "prony", "seed": [4, 5], "each": True, "bootstrap": 6, "workers": 7},
-        **{"scheduler": "tcp://x", "checkpoint": "c", "resume": True, "output": "o", "force": True},
+        **{"bipop": True, "time": "prony", "seed": [4, 5], "each": "each", "bootstrap": 6, "workers": 7},
+        **{"scheduler": "tcp://x", "checkpoint": "c", "resume": "resume", "output": "o", "force": "force"},
     }
     assert identifying.fit(["d.h5", "e.h5"], ["yeoh"], **given_) is fits
     (_, (paths, models, options), keywords) = calls[-1]
     assert (paths, models) == ([Path("d.h5"), Path("e.h5")], ["yeoh"])
     assert keywords == {
-        **{"seeds": [4, 5], "each": True, "bootstrap": 6, "workers": 7, "scheduler": "tcp://x"},
-        **{"checkpoint": Path("c"), "resume": True, "output": Path("o"), "force": True},
+        **{"seeds": [4, 5], "each": "each", "bootstrap": 6, "workers": 7, "scheduler": "tcp://x"},
+        **{"checkpoint": Path("c"), "resume": "resume", "output": Path("o"), "force": "force"},
     }
     assert options.prior == ["C10=20000.0,500.0", "C20=1,2"]
     assert (options.section, options.free, options.tensile, options.tensile_window) == (
@@ -508,12 +508,12 @@ def test_pictures_and_points_are_imported(called: Called, tmp_path: Path) -> Non
     assert frames[8:] == ("correction", None)
     calibration = Calibration.model_construct()
     segmenting.import_pictures(
-        "p", "s.csv", "b", calibration, "o.h5", average=True, every=3, dark="d", flat="f", axis=5.0, force=True
+        "p", "s.csv", "b", calibration, "o.h5", average="mean", every=3, dark="d", flat="f", axis=5.0, force="force"
     )
     tail = {name: arguments for name, arguments, _ in calls}
     assert tail["changed_calibration"] == (calibration, {"axis_angle_deg": 5.0})
     assert tail["read_correction_images"] == (Path("d"), Path("f"))
-    assert tail["import_frames"][3:7] == ("changed", Path("o.h5"), True, True)
+    assert tail["import_frames"][3:7] == ("changed", Path("o.h5"), "force", "mean")
     assert tail["import_frames"][9] == 3
     for name in ("p", "s.csv", "b", "c", "d", "f"):
         paths = {key: str(tmp_path / key) for key in ("p", "s.csv", "b", "c", "d", "f")}
@@ -822,7 +822,7 @@ def test_a_run_is_acquired(called: Called) -> None:
         **{"read": [Path("p"), Path("s"), Path("r")], "resume": False, "take_over": False, "note": ""},
         **{"transcript": None, "on_event": listener, "force": False},
     }
-    given_: dict[str, Any] = {"resume": True, "take_over": True, "note": "n", "on_event": print, "force": True}
+    given_: dict[str, Any] = {"resume": "resume", "take_over": "take", "note": "n", "on_event": print, "force": "force"}
     acquiring.acquire("p", "s", "r", "o.h5", transcript="t", **given_)
     assert {key: calls[-2][2][key] for key in given_} == given_
     assert calls[-2][2]["transcript"] == Path("t")
