@@ -718,7 +718,7 @@ def test_segment_counts_flagged_and_unusable_states(called: Any) -> None:
     def edges(*severities: Severity) -> Any:
         return SimpleNamespace(flags=[SimpleNamespace(severity=s, name=str(s)) for s in severities])
 
-    sets = [edges(), edges(Severity.NOTE), edges(Severity.DOUBTFUL), edges(Severity.UNUSABLE, Severity.NOTE)]
+    sets = [edges(), edges(Severity.NOTE), edges(Severity.DOUBTFUL), edges(Severity.UNUSABLE)]
     motions = [SimpleNamespace(lost_frames=k) for k in (2, 3, 4)]
     opened = SimpleNamespace(
         projection=lambda: "0.1 0.2 0.7", ring_downs=lambda: motions[:2], creeps=lambda: motions[2:]
@@ -727,7 +727,11 @@ def test_segment_counts_flagged_and_unusable_states(called: Any) -> None:
     called("eimi_lab.dataset.reading.open_dataset", nullcontext(opened))
     called("eimi_lab.dataset.moving.recording_checks.flagged_lines", lambda motions: [f"{len(motions)} flagged"])
     called("eimi_lab.vision.check.leaves_out", lambda flags: any(flag.severity is Severity.UNUSABLE for flag in flags))
-    result = images.segment(dataset=Path("d.h5"), **vars(PictureOptions(axis=5.0)), workers=2, csv=Path("c"))
+    given: dict[str, Any] = {
+        **{"specimen": "s", "calibration": Path("k"), "csv": Path("c"), "overlay": Path("v"), "explain": Path("e")},
+        **{"dark": Path("d"), "flat": Path("f"), "uncorrected": "bare", "workers": 2, "force": "force"},
+    }
+    result = images.segment(dataset=Path("d.h5"), **vars(PictureOptions(axis=5.0)), **given)
     assert result.lines == [
         "restated",
         "weights of the colours from which the program computes grey values: 0.1 0.2 0.7",
@@ -739,17 +743,7 @@ def test_segment_counts_flagged_and_unusable_states(called: Any) -> None:
         **{"dataset": Path("d.h5"), "states": 4, "flagged": 2, "unusable": 1, "ring_downs": 2, "creeps": 1},
         **{"flags": [[flag.name for flag in one.flags] for one in sets], "lost": [2, 3, 4], "restated": ["restated"]},
     }
-    keywords = {
-        **{
-            "specimen": None,
-            "calibration": None,
-            "changes": {"axis_angle_deg": 5.0},
-            "csv": Path("c"),
-            "overlay": None,
-        },
-        **{"explain": None, "dark": None, "flat": None, "uncorrected": False, "workers": 2, "force": False},
-    }
-    assert calls[0] == ("find_edges", (Path("d.h5"),), keywords)
+    assert calls[0] == ("find_edges", (Path("d.h5"),), {**given, "changes": {"axis_angle_deg": 5.0}})
     opened.projection = opened.ring_downs = opened.creeps = lambda: ()
     opened.projection = lambda: None
     called("eimi_lab.face.segmenting.find_edges", (sets[:1], []))
