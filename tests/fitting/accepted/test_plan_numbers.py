@@ -148,7 +148,12 @@ def fits() -> Iterator[str]:
     strain = np.linspace(0.02, 0.6, 12)
     stress = engineering_stress(LAWS["mooney-rivlin"], np.array([PARAMETERS["mooney-rivlin"]]), strain)[0]
     pulled = TensileCurve(strain, 1.02 * stress + np.random.default_rng(4).normal(0, 150.0, 12))
-    yield from fit_of("neo-hookean", [experiment(edges(law="neo-hookean"), width=0.02, background_field=0.02)])
+    causes = [cause for cause in POSSIBLE_CAUSES if cause.name in ("scale", "moment", "width")]
+    yield from fit_of(
+        "neo-hookean",
+        [experiment(edges(law="neo-hookean"), width=0.02, background_field=0.02)],
+        possible_causes=causes,
+    )
     yield from fit_of(
         "mooney-rivlin",
         [experiment(edges(), remanence=0.02), experiment(points(STRIP, UNDER_FORCE), STRIP, UNDER_FORCE)],
@@ -159,7 +164,6 @@ def fits() -> Iterator[str]:
         population=7,
         most_generations=14,
     )
-    causes = [cause for cause in POSSIBLE_CAUSES if cause.name in ("scale", "moment", "width")]
     yield from fit_of("neo-hookean", [experiment(edges(law="neo-hookean", scale=1.03))], possible_causes=causes)
 
 
