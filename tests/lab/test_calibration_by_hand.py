@@ -433,3 +433,9 @@ def test_the_stated_background_field_is_given_in_the_beam_frame() -> None:
     assert (frame.gravity_deg, frame.field_deg, frame.hand) == (pytest.approx(10.0), pytest.approx(90.0), -1.0)
     assert frame.to_mm([[67.0, 24.0]])[0] == pytest.approx([2.0, 1.0])
     assert frame.to_px([[2.0, 1.0]])[0] == pytest.approx([67.0, 24.0])
+
+
+def test_views_that_differ_in_tilt_by_25_degrees_determine_the_focal_length() -> None:
+    views, _ = seen_boards(((0.0, 0.0), (18.0, 0.0), (0.0, 18.0), (-9.0, 9.0)))
+    lens = calibrate_lens(views, (640, 480))
+    assert lens.focal_length_px == pytest.approx(900.0, abs=4 * lens.focal_length_sigma_px)

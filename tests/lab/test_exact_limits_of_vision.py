@@ -52,7 +52,7 @@ from eimi_lab.vision.following.support import Sides
 from eimi_lab.vision.following.working import WorkingPicture
 from eimi_lab.vision.frame_checks import frame_flags
 from eimi_lab.vision.image_files import _is_transparent
-from eimi_lab.vision.image_sizes import is_stack
+from eimi_lab.vision.image_sizes import claimed_size, is_stack
 from eimi_lab.vision.image_wholeness import is_whole
 from eimi_lab.vision.intensity import FieldCorrection
 from eimi_lab.vision.settling_statistic import Noise
@@ -579,3 +579,20 @@ def test_a_picture_on_a_sheet_is_at_least_1_px_wide() -> None:
     assert dark[:, 320:].any(axis=1).nonzero()[0].tolist() == [20]
     assert dark[:, :320].sum() == 256  # 280 px without the caption and a margin
     assert dark[:, 320:].sum() == 316
+
+
+def test_a_restart_marker_of_a_jpeg_has_no_size() -> None:
+    after = b"\x00\x11\x08\x01\xe0\x02\x80\x03"
+    assert claimed_size(b"\xff\xd8\xff\xcf" + after) == (640, 480)
+    assert claimed_size(b"\xff\xd8\xff\xd0" + after) is None
+
+
+def test_the_deviation_of_an_edge_point_is_at_least_a_thousandth_of_a_pixel() -> None:
+    y = np.linspace(20.0, 80.0, 7)
+    side: Any = SimpleNamespace(
+        points_px=np.column_stack([np.full(7, 67.0), y]), sound=np.array([True] * 6 + [False]), stride=2,
+        sigma_px=np.array([0.0, 0.0, 0.3, 0.3, 0.0, 0.0, 9.0]), common_px=np.array([0.0, 0.0, 0.4, 0.4, 0.0, 0.0, 9.0]),
+    )  # fmt: skip
+    found = search()._edge_points(side, 2.0)
+    assert found.sigma_mm == pytest.approx(np.array([1e-3, 1.0, 1e-3]) / 7.0)
+    assert found.points_mm == pytest.approx(np.column_stack([(y[[0, 2, 4]] - 10.0) / 7.0, np.ones(3)]))
