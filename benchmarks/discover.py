@@ -48,22 +48,18 @@ BOTH, BENDING, TENSION = "bending and tension", "bending alone", "tension alone"
 
 @dataclass(frozen=True)
 class Case:
-    """A material drawn at random, and the settings of its simulated measurements.
-
-    Attributes
-    ----------
-    seed, number : int
-        Seed of the benchmark and number of the material; together the seed of all random values.
-    solid : bool
-        True for a three-dimensional beam, false for a beam in plane stress.
-    noise : float
-        Standard deviation of the tensile noise, divided by the largest stress.
-    off : float
-        Largest factor by which the fixed numbers (Jm, b, alpha) of the material differ from those of the terms that
-        `eimi discover` tries.
-    evidence
-        The kinds of data: the bent beam, the tensile test, or both.
-    """
+    # A material drawn at random, and the settings of its simulated measurements.
+    # seed, number : int
+    #     Seed of the benchmark and number of the material; together the seed of all random values.
+    # solid : bool
+    #     True for a three-dimensional beam, false for a beam in plane stress.
+    # noise : float
+    #     Standard deviation of the tensile noise, divided by the largest stress.
+    # off : float
+    #     Largest factor by which the fixed numbers (Jm, b, alpha) of the material differ from those of the terms that
+    #     `eimi discover` tries.
+    # evidence
+    #     The kinds of data: the bent beam, the tensile test, or both.
 
     seed: int
     number: int

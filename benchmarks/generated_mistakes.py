@@ -40,17 +40,13 @@ _SYMMETRIC = ("max", "min", "math.hypot", "np.hypot", "np.maximum", "np.minimum"
 
 @dataclass(frozen=True)
 class Change:
-    """A small mistake in a source file, made to find out whether a test fails: one text is replaced by another.
-
-    Attributes
-    ----------
-    line, column, end_line, end_column : int
-        Beginning and end of the old text (lines from 1, bytes in the line from 0).
-    new : str
-        The new text.
-    says : str
-        Description of the change.
-    """
+    # A small mistake in a source file, made to find out whether a test fails: one text is replaced by another.
+    # line, column, end_line, end_column : int
+    #     Beginning and end of the old text (lines from 1, bytes in the line from 0).
+    # new : str
+    #     The new text.
+    # says : str
+    #     Description of the change.
 
     line: int
     column: int

@@ -245,7 +245,7 @@ def _experiment(observed: EdgeObservation, field_mT: Array, planar: bool) -> Exp
 
 
 def kept(imperfection: Imperfection, field_mT: Array, planar: bool, folder: Path | None) -> tuple[Array, Array]:
-    """Return the edges and corners of the beam with an imperfection, from a file if an earlier run wrote it."""
+    # Return the edges and corners of the beam with an imperfection, from a file if an earlier run wrote it.
     if folder is None:
         return bent(imperfection, field_mT, planar)
     key = hashlib.sha256(repr((imperfection.words, MESH, MODULUS_PA, field_mT.tolist(), planar)).encode()).hexdigest()

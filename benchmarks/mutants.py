@@ -111,10 +111,8 @@ class Mutant:
     is_generated: bool = False
 
     def room_tests(self, project: Path) -> list[str]:
-        """Return the test files that run if none of ``tests`` detects the mistake: files that import ``self.file``.
-
-        Those that ``room_tests.toml`` lists for the folder of the file are added. A mistake from a list has none.
-        """
+        # Return the test files that run if none of ``tests`` detects the mistake: files that import ``self.file``.
+        # Those that ``room_tests.toml`` lists for the folder of the file are added. A mistake from a list has none.
         if not self.is_generated:
             return []
         by_folder: dict[str, list[str]] = tomllib.loads(ROOM_TESTS.read_text(encoding="utf-8"))
@@ -124,10 +122,7 @@ class Mutant:
 
     @property
     def key(self) -> str:
-        """Return an identifier of the mistake: a hash of ``file``, ``right`` and ``wrong``.
-
-        For a mistake from a list, the hash also includes ``tests``.
-        """
+        """Return an identifier of the mistake, which is a hash of its contents."""
         tests = () if self.is_generated else self.tests
         return sha256("\0".join((self.file, self.right, self.wrong, *tests)).encode()).hexdigest()[:16]
 
@@ -310,10 +305,8 @@ def sample_table(mutants: Sequence[Mutant], outcomes: dict[str, str]) -> list[st
 
 
 def table(mutants: Sequence[Mutant], outcomes: dict[str, str]) -> list[str]:
-    """Return a Markdown table: how many mistakes of each file in ``benchmarks/mistakes`` were tried and caught.
-
-    `outcomes` contains "caught", "survived" or "broken" by the identifier of the mistake.
-    """
+    # Return a Markdown table: how many mistakes of each file in ``benchmarks/mistakes`` were tried and caught.
+    # `outcomes` contains "caught", "survived" or "broken" by the identifier of the mistake.
     lines = ["| list | mistakes | caught | share |", "| --- | ---: | ---: | ---: |"]
 
     def row(name: str, group: Sequence[Mutant]) -> str:

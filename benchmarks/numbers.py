@@ -63,7 +63,7 @@ def case(folder: Path, specimen: str, hidden: str) -> dict[str, Json]:
 
 
 def results(folder: Path, dataset: Path, fits: Path) -> dict[str, Json]:
-    """Return the results of a dataset as JSON values: edges, and the fit and its errors for each law."""
+    # Return the results of a dataset as JSON values: edges, and the fit and its errors for each law.
     eimi(folder, "validate", dataset, "--fit", fits, "-o", "validation.json")
     with open_dataset(folder / dataset) as opened:
         edges = [

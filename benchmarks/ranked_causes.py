@@ -88,8 +88,7 @@ class Ranked:
 
     @staticmethod
     def of(fit: Fit, cause: str, seed: int, shape: str, true_Pa: float) -> Ranked:
-        """Return the result of a fit to a bench with the simulated error ``cause``, or with two, joined by ``+``."""
-
+        # Return the result of a fit to a bench with the simulated error ``cause``, or with two, joined by ``+``.
         def percent(ends: tuple[float, float]) -> tuple[float, float]:
             low, high = (100 * (end / true_Pa - 1) for end in ends)
             return low, high
@@ -164,7 +163,7 @@ class Ranked:
 
     @property
     def is_said(self) -> bool:
-        """Whether the 95 % interval contains the true modulus, if necessary after it was shifted as a warning says."""
+        # Whether the 95 % interval contains the true modulus, if necessary after it was shifted as a warning says.
         if self.holds or self.doubted_percent is None:
             return self.holds
         least, most = self.doubted_percent
@@ -191,7 +190,7 @@ class Ranked:
 
 
 def summary(results: Sequence[Ranked]) -> str:
-    """Return lines that say how many fits named the simulated bench error or another, or hold the true modulus."""
+    # Return lines that say how many fits named the simulated bench error or another, or hold the true modulus.
     counts = {
         "first": sum(one.is_first for one in results),
         "first or second": sum(one.is_second for one in results),
@@ -204,10 +203,8 @@ def summary(results: Sequence[Ranked]) -> str:
 
 
 def table(results: Sequence[Ranked]) -> str:
-    """Return a Markdown table with a row for each simulated bench error.
-
-    The row says how many fits named it, and gives the errors of the modulus and the number of warnings.
-    """
+    # Return a Markdown table with a row for each simulated bench error. The row says how many fits named it, and gives
+    # the errors of the modulus and the number of warnings.
     lines = [_cells(_HEAD), _cells(["---"] * len(_HEAD))]
     for cause in dict.fromkeys(one.cause for one in results):
         some = [one for one in results if one.cause == cause]

@@ -78,27 +78,20 @@ class _Scatter:
 
 
 def by_chance(points_px: Array, draws: int, rng: np.random.Generator) -> tuple[float, float, float]:
-    """Return how much the standard deviation that the program states for the points of an edge varies by chance.
-
-    Edges with the scatter and the correlation of the given edge are simulated. Their true standard deviation is that
-    of the given edge.
-
-    Parameters
-    ----------
-    points_px : ndarray, shape (n, 2)
-        x and y of the n points of the edge, px.
-    draws : int
-        Number of simulated edges.
-    rng : numpy Generator
-        Random number generator.
-
-    Returns
-    -------
-    low, high : float
-        95 % range of the stated deviation divided by that of the simulated points.
-    median : float
-        Median of the stated deviation divided by the true deviation.
-    """
+    # Return how much the standard deviation that the program states for the points of an edge varies by chance. Edges
+    # with the scatter and the correlation of the given edge are simulated. Their true standard deviation is that of the
+    # given edge.
+    # points_px : ndarray, shape (n, 2)
+    #     x and y of the n points of the edge, px.
+    # draws : int
+    #     Number of simulated edges.
+    # rng : numpy Generator
+    #     Random number generator.
+    # Returns -------
+    # low, high : float
+    #     95 % range of the stated deviation divided by that of the simulated points.
+    # median : float
+    #     Median of the stated deviation divided by the true deviation.
     scatter = _Scatter(points_px)
     shared = float((scatter.across[1:] * scatter.across[:-1]).sum() / (scatter.across**2).sum())
     length = -scatter.along[-1] / (len(scatter.along) - 1) / math.log(min(max(shared, 0.01), 0.95))

@@ -30,7 +30,7 @@ def browser() -> str:
 
 
 def chromium(page: Path, *how: str) -> None:
-    """Start Chromium with a page and the options `how`, which say whether the page is drawn or printed."""
+    # Start Chromium with a page and the options `how`, which say whether the page is drawn or printed.
     with tempfile.TemporaryDirectory() as profile:
         plain = ("--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", f"--user-data-dir={profile}")
         line = [browser(), *plain, *how, page.resolve().as_uri()]

@@ -37,7 +37,7 @@ def planar(specimen: Specimen, along: int, across: int, factor: float = 1.0) -> 
 
 
 def solid(specimen: Specimen, mesh: tuple[int, int, int]) -> np.ndarray:
-    """Return the rotation of the tip (degrees) in K fields, shape (K,), by the solid model on a mesh."""
+    # Return the rotation of the tip (degrees) in K fields, shape (K,), by the solid model on a mesh.
     model = SolidBeside(specimen, *mesh)
     return model.tip_angle_deg(model.solve(LAW, PARAMETERS, LOADS, tolerance_mm=1e-4))[0]
 

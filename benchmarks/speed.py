@@ -108,7 +108,7 @@ def draw(curves: dict[str, list[tuple[int, float]]], path: str) -> None:
 
 
 def cost(model: BeamModel, size: int, states: int) -> float:
-    """Return the processor time (ms) of a simulation of `size` Neo-Hookean candidates in `states` fields."""
+    # Return the processor time (ms) of a simulation of `size` Neo-Hookean candidates in `states` fields.
     candidates, loads = population("neo-hookean", size), Loads.along(np.linspace(0, 7.05, states))
     return 1e3 * cost_s(model, LAWS["neo-hookean"], candidates, loads, 3)
 

@@ -203,7 +203,7 @@ maximum = 12.0
         self.lines.append(line.rstrip())
 
     def wait_for_words(self, pattern: str, after_s: float) -> float:
-        """Wait for a message that contains the pattern; return its time (s), or `after_s` if it came earlier."""
+        # Wait for a message that contains the pattern; return its time (s), or `after_s` if it came earlier.
         wait_until(lambda: any(re.search(pattern, line) for line in self.lines), f"no word of {pattern!r}")
         first = next(number for number, line in enumerate(self.lines) if re.search(pattern, line))
         return max(after_s, self.arrived_s[first])

@@ -77,7 +77,7 @@ class TestsByLine:
     __test__ = False  # pytest must not collect this class as a test
 
     def __init__(self) -> None:
-        """Read from files which tests execute which line. Raises FileNotFoundError if this was not recorded."""
+        # Read from files which tests execute which line. Raises FileNotFoundError if this was not recorded.
         if not MAP.exists():
             raise FileNotFoundError(f"{MAP.name}: record it first with `python -m benchmarks.tests_by_line`")
         self._data = CoverageData(str(MAP))

@@ -98,12 +98,9 @@ def drawn_material(rng: np.random.Generator) -> tuple[float, Prony]:
 
 
 def _stiffness_slopes() -> tuple[Stiffness, np.ndarray]:
-    """Return the stiffness of a rod that bends like the nominal beam, and its derivatives by the sizes, (3, 3).
-
-    Rows: ln(width), ln(depth), ln(length) of the beam. Columns: ``length_m``, ``hinge_m3`` (both as logarithms) and
-    ``softening_m2`` of the stiffness.
-    """
-
+    # Return the stiffness of a rod that bends like the nominal beam, and its derivatives by the sizes, (3, 3).
+    # Rows: ln(width), ln(depth), ln(length) of the beam. Columns: ``length_m``, ``hinge_m3`` (both as logarithms) and
+    # ``softening_m2`` of the stiffness.
     def rod(specimen: Specimen) -> Stiffness:
         return stiffness_of_solid(specimen, "neo-hookean", (50e3,), _SOLID)
 
@@ -118,7 +115,7 @@ def _stiffness_slopes() -> tuple[Stiffness, np.ndarray]:
 
 
 def stiffness_near(specimen: Specimen) -> Stiffness:
-    """Return the stiffness of the rod model of a specimen with nearly the nominal sizes."""
+    # Return the stiffness of the rod model of a specimen with nearly the nominal sizes.
     nominal, slopes = once("stiffness", _stiffness_slopes)
     change = np.log([getattr(specimen, key) / getattr(BEAM, key) for key in ("width_mm", "depth_mm", "length_mm")])
     length, hinge, softening = change @ slopes

@@ -86,10 +86,8 @@ def kind(case: Case) -> tuple[str, float]:
 
 
 def mean_ends(full: Sequence[Outcome]) -> Ends:
-    """Return the mean 95 % interval of the modulus, as ln(lower end / modulus) and ln(upper end / modulus).
-
-    full: results of complete fits. The mean is computed for each beam (dimensions as text) with each noise (mm).
-    """
+    # Return the mean 95 % interval of the modulus, as ln(lower end / modulus) and ln(upper end / modulus).
+    # full: results of complete fits. The mean is computed for each beam (dimensions as text) with each noise (mm).
     groups: dict[tuple[str, float], list[Array]] = {}
     for o in full:
         groups.setdefault(kind(o.case), []).append(np.log(np.array(o.interval) / o.value))
@@ -98,10 +96,8 @@ def mean_ends(full: Sequence[Outcome]) -> Ends:
 
 
 def quick(case: Case, ends: Ends) -> Outcome:
-    """Fit one experiment by interpolation between simulated beams; return the modulus with a 95 % interval.
-
-    The interval is the mean relative interval of complete fits with the same beam and noise, `ends`.
-    """
+    # Fit one experiment by interpolation between simulated beams; return the modulus with a 95 % interval. The interval
+    # is the mean relative interval of complete fits with the same beam and noise, `ends`.
     value, (low, high) = logarithm(case), ends[kind(case)]
     interval = (float(np.exp(value + low)), float(np.exp(value + high)))
     return Outcome(case, float(np.exp(value)), interval, interval, 0.0, 0.0)

@@ -15,10 +15,8 @@ from benchmarks.tests_by_line import TestsByLine, files_that_import, record
 
 @pytest.fixture
 def code(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
-    """The only file of code of a small project, whose tests are not really run.
-
-    The name of a test file says which lines it executes: `test_2_3.py` executes the lines 2 and 3.
-    """
+    # The only file of code of a small project, whose tests are not really run.
+    # The name of a test file says which lines it executes: `test_2_3.py` executes the lines 2 and 3.
     file = tmp_path / "eimi_lab" / "code.py"
     file.parent.mkdir()
     file.write_text("def act():\n    first = 1\n    second = 2\n    return first + second\n")

@@ -70,40 +70,35 @@ def never() -> None:
 
 
 class Coil:
-    """A coil on a power supply, with the set-point of the supply and the checks of the current.
+    """A coil on a power supply, with the set-point of the supply and the checks of the current."""
 
-    Parameters
-    ----------
-    supply : PowerSupply
-        The supply, with its limits.
-    clock : Clock
-        Clock of the ramps and waits.
-    rule : Ramp
-        Rate, step and tolerance of the current.
-    asked_A : float
-        Present set-point of the supply, A.
-    simulated : bool
-        Whether the supply is simulated. Its current is measured only if there are interlocks.
-    interlocks : Interlocks
-        Bounds of the readings; a reading outside its bounds ends the run.
-    sense : callable
-        Reads the sensors and returns their values by name.
-
-    Attributes
-    ----------
-    asked_A : float
-        Present set-point, A.
-    simulated : bool
-        Whether the supply is simulated.
-    changed_s : float
-        Time at which the set-point last changed, s on the clock.
-    leads_swapped : bool
-        Whether the leads of the coil are swapped. Its current is then minus the current of the supply.
-    out_of_control : bool
-        Whether a current or a reading was wrong, or the run was blocked. The coil is then switched off without a ramp.
-    unreachable : str
-        Why the supply gives no usable answer, in words; empty if it answers.
-    """
+    # supply : PowerSupply
+    #     The supply, with its limits.
+    # clock : Clock
+    #     Clock of the ramps and waits.
+    # rule : Ramp
+    #     Rate, step and tolerance of the current.
+    # asked_A : float
+    #     Present set-point of the supply, A.
+    # simulated : bool
+    #     Whether the supply is simulated. Its current is measured only if there are interlocks.
+    # interlocks : Interlocks
+    #     Bounds of the readings; a reading outside its bounds ends the run.
+    # sense : callable
+    #     Reads the sensors and returns their values by name.
+    # asked_A : float
+    #     Present set-point, A.
+    # simulated : bool
+    #     Whether the supply is simulated.
+    # changed_s : float
+    #     Time at which the set-point last changed, s on the clock.
+    # leads_swapped : bool
+    #     Whether the leads of the coil are swapped. Its current is then minus the current of the supply.
+    # out_of_control : bool
+    #     Whether a current or a reading was wrong, or the run was blocked. The coil is then switched off without
+    #     a ramp.
+    # unreachable : str
+    #     Why the supply gives no usable answer, in words; empty if it answers.
 
     def __init__(
         self,
@@ -216,7 +211,7 @@ class Coil:
 
     @contextmanager
     def _marking_out_of_control(self) -> Iterator[None]:
-        """Note that a reading exceeded an interlock if the body of the with statement raises BeyondInterlock."""
+        # Note that a reading exceeded an interlock if the body of the with statement raises BeyondInterlock.
         try:
             yield
         except BeyondInterlock:

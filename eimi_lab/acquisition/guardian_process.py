@@ -271,10 +271,8 @@ def _compare(ward: Ward, supply: PowerSupply) -> str:
 
 
 def _find_off(supply: PowerSupply, was_on: set[bool]) -> bool:
-    """Return whether the output is off and has never been found on.
-
-    `was_on` remembers whether the output was found on: it is empty, or contains True.
-    """
+    # Return whether the output is off and has never been found on.
+    # `was_on` remembers whether the output was found on: it is empty, or contains True.
     with suppress(InstrumentError):
         if supply.output_on():
             was_on.add(True)
@@ -283,10 +281,8 @@ def _find_off(supply: PowerSupply, was_on: set[bool]) -> bool:
 
 
 def _is_known_by_identity(ward: Ward) -> bool:
-    """Return whether the identity of a supply is enough to recognise the supply of the coil.
-
-    It is not enough without a serial number, because another supply of the same model has the same identity.
-    """
+    # Return whether the identity of a supply is enough to recognise the supply of the coil. It is not enough without a
+    # serial number, because another supply of the same model has the same identity.
     return ward.identity is None or bool(ward.identity[1]) or pseudo_terminal(ward.address) != ""
 
 

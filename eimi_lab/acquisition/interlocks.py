@@ -65,7 +65,8 @@ class Interlocks:
                 self._open(rule, None, silent_s)
 
     def restart(self) -> None:
-        """Forget the times of all earlier readings, because there were none while the output was off."""
+        """Forget the times of all earlier readings."""
+        # Forget the times of all earlier readings, because there were none while the output was off.
         self._came_s.clear()
 
     def refuse_to_begin(self, readings: Mapping[str, float]) -> None:

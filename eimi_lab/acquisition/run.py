@@ -257,10 +257,8 @@ def acquire(
 
 @dataclass
 class _Ending:
-    """What the last event of a run reports: the dataset, numbers of states (load steps), and whether the coil is off.
-
-    `path` and `stored` are used only if `writer`, the open dataset, is None.
-    """
+    # What the last event of a run reports: the dataset, numbers of states (load steps), and whether the coil is off.
+    # `path` and `stored` are used only if `writer`, the open dataset, is None.
 
     path: Path
     states: int

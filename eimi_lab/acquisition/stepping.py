@@ -51,10 +51,8 @@ class Stepping:
     on_event: OnEvent
 
     def go_back_to(self, state: int, stop_if_asked: Callable[[], None]) -> None:
-        """Ramp through the currents of all states (load steps) before number `state`, without taking frames.
-
-        While the leads of the coil are swapped, only the negative currents are set.
-        """
+        """Ramp through the currents of all earlier load steps, without taking frames."""
+        # While the leads of the coil are swapped, only the negative currents are set.
         for current_A in self.protocol.currents_A[:state]:
             if current_A < 0 or not self.coil.leads_swapped:
                 self.coil.ramp_to(current_A, stop_if_asked)

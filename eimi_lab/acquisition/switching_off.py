@@ -103,10 +103,8 @@ class _SignalsHeeded:
                 raise
 
     def go_on_down(self) -> None:
-        """Tell the guardian process that the run is alive; if Ctrl-C was pressed twice, raise _InHaste to end the ramp.
-
-        Other signals that end the program count as Ctrl-C.
-        """
+        # Tell the guardian process that the run is alive; if Ctrl-C was pressed twice, raise _InHaste to end the ramp.
+        # Other signals that end the program count as Ctrl-C.
         self.move_on()
         if len(self._noted) > 1:
             raise _InHaste

@@ -253,8 +253,8 @@ class Rig(Document):
         if virtual_camera and not self.simulated and not ADDRESS.fullmatch(str(self.camera.source)):
             raise ValueError(
                 f"camera.source = {self.camera.source!r} should be the address that `eimi emulate` prints, such as "
-                "TCPIP::127.0.0.1::5555::SOCKET, because the virtual camera films a beam in this emulated coil; for a "
-                "coil inside this program, use supply.driver = 'virtual'"
+                "TCPIP::127.0.0.1::5555::SOCKET, so that the virtual camera films a beam in the coil of the emulated "
+                "supply; if this program simulates the supply, use supply.driver = 'virtual'"
             )
         if virtual_camera != (self.virtual is not None):
             raise ValueError(

@@ -160,7 +160,7 @@ def _near(row: Row, images: list[Path]) -> str:
 
 
 def _image_at_path(row: Row) -> list[Path]:
-    """Return a list that contains the path of the image of a row; empty if the image does not exist."""
+    # Return a list that contains the path of the image of a row; empty if the image does not exist.
     image = named_in(row.path, row.text("frame").replace("\\", "/"))
     try:
         return [image] if is_image(image) and image.is_file() else []

@@ -335,7 +335,7 @@ def _edge_observation(dataset: Dataset, edges: Sequence[EdgeSet], used: Sequence
 
 
 def _widening_mm(dataset: Dataset, edges: Sequence[EdgeSet], index: int) -> float:
-    """Return the additional standard deviation (mm) of the edge points of a state, because of its flags."""
+    # Return the additional standard deviation (mm) of the edge points of a state, because of its flags.
     calibration, beam = dataset.calibration, dataset.specimen.specimen
     if calibration is None or not edges:
         return 0.0

@@ -146,18 +146,16 @@ def _planar_comparisons(
 def _simulated(
     evidence: Evidence, fitted_law: Law, near: Sequence[Correction], plain: Comparison, method: Method
 ) -> tuple[Prediction[Law] | None, Correction | None]:
-    """Return the simulation of a fit, and the difference of its edges from those of a planar beam model.
-
-    `near` holds such differences for other fits, from which the solver of the accurate model starts. `plain` is the
-    simulation with the planar model.
-    """
+    # Return the simulation of a fit, and the difference of its edges from those of a planar beam model. `near` holds
+    # such differences for other fits, from which the solver of the accurate model starts. `plain` is the simulation
+    # with the planar model.
     fit, path, index = fitted_law.fit, fitted_law.path, fitted_law.index
     section = evidence.experiment.model.specimen.section
     used = {reference.sha256: reference for reference in fit.datasets} if isinstance(fit, FitRecord) else {}
     reference = used.get(evidence.sha256)
     if reference is not None and reference.section != section:
         raise InputError(
-            f"{path}: fits.{index} was fitted to {evidence.path} with the section {reference.section}, not {section}; "
+            f"{path}: fits.{index} assumed {reference.section} for {evidence.path}, and not {section}; "
             f"give --section {reference.section}"
         )
     assumptions = assumptions_of(fit, evidence, 1)

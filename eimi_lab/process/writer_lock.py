@@ -28,11 +28,9 @@ _NO_LINK = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
 
 @dataclass
 class _Held:
-    """A lock that this process holds.
-
-    ``descriptor`` is the open lock file, or -1 if the file system does not support locks. ``owner`` is the process
-    number and the thread number of the owner, which has taken the lock ``times`` times.
-    """
+    # A lock that this process holds. ``descriptor`` is the open lock file, or -1 if the file system does not support
+    # locks. ``owner`` is the process number and the thread number of the owner, which has taken the lock ``times``
+    # times.
 
     descriptor: int
     owner: tuple[int, int]

@@ -58,10 +58,8 @@ def evidence_for_fits(
 
 
 def _section_of(shown: ShownFit, sha256: str) -> str | None:
-    """Return the section assumption (such as plane strain) of a fit for one dataset; None if the fit has none.
-
-    `sha256` is the hash of the dataset.
-    """
+    # Return the section assumption (such as plane strain) of a fit for one dataset; None if the fit has none. `sha256`
+    # is the hash of the dataset.
     if not isinstance(shown.fit, FitRecord):
         return None
     used = {reference.sha256: reference.section for reference in shown.fit.datasets}

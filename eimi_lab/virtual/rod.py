@@ -234,7 +234,8 @@ class Rod:
         return derivatives, remaining
 
     def strain(self, z: Array) -> Array:
-        """Return the elastic force in each of the n generalised coordinates z, divided by its linear stiffness."""
+        """Return the elastic forces, divided by the linear stiffness."""
+        # One force for each of the n generalised coordinates z.
         strain, stretch = z.copy(), slice(self._first_stretch, self._first_stretch + _STRETCHING)
         bent, stretched = self._bends @ z[:_BENDING], self._stretches @ z[stretch]
         strain[:_BENDING] += (bent * stretched) @ self._bends_stretched - bent**3 @ self._softens
@@ -242,10 +243,8 @@ class Rod:
         return strain
 
     def strain_rate(self, z: Array, speed: Array) -> Array:
-        """Return the time derivative of `strain`, 1/s, shape (n,).
-
-        ``z`` (n,) contains the generalised coordinates of the rod, and ``speed`` (n,) their rates in 1/s.
-        """
+        """Return the time derivative of `strain`."""
+        # 1/s, (n,). z, speed: the generalised coordinates, and their rates in 1/s, (n,).
         rate, stretch = speed.copy(), slice(self._first_stretch, self._first_stretch + _STRETCHING)
         bent, bending = self._bends @ z[:_BENDING], self._bends @ speed[:_BENDING]
         stretched, stretching = self._stretches @ z[stretch], self._stretches @ speed[stretch]

@@ -155,8 +155,6 @@ class BeamFrame:
         return undistorted(points, self._matrix, self._distortion)
 
     def _in_beam_frame(self, from_axis_deg: float) -> float:
-        """Convert an angle (clockwise in the image, from the axis of the beam) to the beam frame, -180 to 180 degrees.
-
-        Angles in the beam frame are measured from +x toward +y.
-        """
+        # Convert an angle (clockwise in the image, from the axis of the beam) to the beam frame, -180 to 180 degrees.
+        # Angles in the beam frame are measured from +x toward +y.
         return (self.hand * from_axis_deg + 180.0) % 360.0 - 180.0

@@ -20,19 +20,16 @@ SERIAL_DRIVERS = ("korad", "genesys")
 
 
 def links(quick: tuple[str, ...]) -> list[object]:
-    """Return the links of all drivers (texts such as "korad over tcp") as parameters of a test.
-
-    Tests with a link "... in process" or a link in `quick` always run; those with another link are marked slow.
-    """
+    # Return the links of all drivers (texts such as "korad over tcp") as parameters of a test. Tests with a link "...
+    # in process" or a link in `quick` always run; those with another link are marked slow.
     real = [f"{driver} {where}" for driver in DIALECTS for where in ("on a pty", "over tcp")]
     slow = (pytest.param(link, marks=pytest.mark.slow) for link in real if link not in quick)
     return [*IN_PROCESS, *quick, *slow]
 
 
 def served(link: str) -> Callable[[Responder], AbstractContextManager[str]] | None:
-    """Return a function that serves an emulated supply and yields its address; None if driver and supply are connected
-    inside the process, without an address.
-    """
+    # Return a function that serves an emulated supply and yields its address; None if driver and supply are connected
+    # inside the process, without an address.
     driver, _, where = link.partition(" ")
 
     @contextmanager

@@ -34,10 +34,8 @@ FREE = CameraSettings(frame_rate_Hz=100.0, region=(0, 0, 4, 3))
 
 
 class Library:
-    """A replacement for the library Aravis; it records the calls of the driver.
-
-    coming : answers to requests for a frame: the values of a frame, or the time (s) after which no frame has come
-    """
+    # A replacement for the library Aravis; it records the calls of the driver.
+    # coming : answers to requests for a frame: the values of a frame, or the time (s) after which no frame has come
 
     def __init__(self, clock: SimulatedClock) -> None:
         self.clock = clock

@@ -129,10 +129,9 @@ def fuzz(driver: str, spoils: list[Spoil], milliamperes: int, locked: bool, figu
     reset = (0.0,) if has_modes else ()  # a change of the mode sets both set-points to zero
 
     def attempt(act: Callable[[], Found], questions: int = 1) -> Found | None:
-        """Call `act`; return its result, or None after an InstrumentError.
-
-        questions : number of queries in the call that may time out; the call must not take longer than these time-outs
-        """
+        # Call `act`; return its result, or None after an InstrumentError.
+        # questions : number of queries in the call that may time out; the call must not take longer than these time-
+        # outs
         began_s, sent_before = clock.now(), len(link.sent)
         line.handed_out.clear()
         returned = None

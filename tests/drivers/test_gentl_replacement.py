@@ -106,7 +106,7 @@ def full_camera(**changed: Node | None) -> Nodes:
 
 
 class Bench(SimpleNamespace):
-    """What stands in for a camera and for the Python packages of the driver: features, devices, and recorded calls."""
+    # What stands in for a camera and for the Python packages of the driver: features, devices, and recorded calls.
 
     nodes: Nodes
     devices: list[Any]

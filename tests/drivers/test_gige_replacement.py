@@ -212,10 +212,7 @@ class Process:
 
 @contextmanager
 def started(monkeypatch: pytest.MonkeyPatch, process: Process, *answers: Any) -> Iterator[tuple[CameraProcess, Line]]:
-    """Serve an emulated GigE camera from `process`; yield the camera and the program's end of the connection.
-
-    answers : messages that arrive at this end
-    """
+    # answers : messages that arrive at the program's end of the connection
     here, there = Line(*answers), Line()
 
     def make(**options: Any) -> Process:

@@ -100,8 +100,7 @@ def complains_while(on: bool) -> Callable[..., None]:
 
 
 def quietly(*errors: type[Exception]) -> Callable[[str], Callable[..., Any]]:
-    """Return a function that makes a faulty copy of a method of `Scpi`; the copy ignores the given exceptions."""
-
+    # Return a function that makes a faulty copy of a method of `Scpi`; the copy ignores the given exceptions.
     def member(name: str) -> Callable[..., Any]:
         def act(self: Any, *arguments: Any) -> Any:
             try:

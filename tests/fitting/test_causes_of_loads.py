@@ -38,7 +38,7 @@ class SimpleExperiment:
 
 
 class Loaded:
-    """A replacement for the class `Assumed`, with the attribute `experiment` only."""
+    # A replacement for the class `Assumed`, with the attribute `experiment` only.
 
     def __init__(self, experiment: Any) -> None:
         self.experiment = experiment

@@ -269,7 +269,7 @@ def optimum(unit: float, objective_mm: float = 1.0) -> Any:
 
 @dataclass(frozen=True)
 class Fit:
-    """Replaces a fit. If the only unknown of the fit changes by 1, the modulus changes by 100 per cent."""
+    # Replaces a fit. If the only unknown of the fit changes by 1, the modulus changes by 100 per cent.
 
     name: str
     experiments: tuple[str, ...] = ("beam",)
@@ -381,10 +381,8 @@ def noted(notes: list[Any], note: Any, result: Any) -> Any:
 
 
 def linear_rest(monkeypatch: pytest.MonkeyPatch, slopes: np.ndarray, offsets: np.ndarray) -> list[int]:
-    """Replace the residuals of the unloaded beam by linear functions of its shape and of the places of pictures.
-
-    The returned list receives the number of pictures at each call.
-    """
+    # Replace the residuals of the unloaded beam by linear functions of its shape and of the places of pictures. The
+    # returned list receives the number of pictures at each call.
     calls: list[int] = []
 
     def residuals(amplitudes: np.ndarray, modulus_Pa: float, pictures: Any) -> list[np.ndarray]:

@@ -20,13 +20,11 @@ LOG_RANGE = np.log(100.0)
 
 
 def effect(moved: list[float], share: float, change: float, least_percent: float = 0.0, name: str = "finer") -> Any:
-    """Return the effect of a better beam model, such as a finer mesh, on the result of a fit.
-
-    moved : changes of the unknowns by the better model, the modulus first
-    share : share of ``moved`` that remains uncertain
-    change : how much the better model changes the derivative of the log-likelihood by the modulus
-    least_percent : lower bound of the remaining error of the modulus (%)
-    """
+    # Return the effect of a better beam model, such as a finer mesh, on the result of a fit.
+    # moved : changes of the unknowns by the better model, the modulus first
+    # share : share of ``moved`` that remains uncertain
+    # change : how much the better model changes the derivative of the log-likelihood by the modulus
+    # least_percent : lower bound of the remaining error of the modulus (%)
     return SimpleNamespace(
         moved=np.array(moved),
         remaining_share=share,
@@ -206,11 +204,9 @@ def test_the_evidence_is_linearised_by_central_differences_and_weighted_by_its_e
 
 
 class Bending:
-    """A replacement for a beam model. Each residual is 1 plus three times the change of an input.
-
-    limit : change above which the beam has no equilibrium
-    solved : changes for which an equilibrium was computed
-    """
+    # A replacement for a beam model. Each residual is 1 plus three times the change of an input.
+    # limit : change above which the beam has no equilibrium
+    # solved : changes for which an equilibrium was computed
 
     def __init__(self, limit: float, status: Status = Status.CONVERGED) -> None:
         self.limit, self.status = limit, status

@@ -69,7 +69,7 @@ def test_the_fit_of_all_terms_shares_a_residual_between_coefficient_and_uncertai
 
 
 def refitted(rows, terms, kept):
-    """Return the least-squares solution of the rows in which ``kept`` is True, and its covariance."""
+    # Return the least-squares solution of the rows in which ``kept`` is True, and its covariance.
     q = rows.nuisances.shape[1]
     design = np.hstack([rows.columns[:, terms], rows.nuisances])[kept]
     information = design.T @ design + np.diag([0.0] * len(terms) + [1.0] * q)
@@ -364,7 +364,7 @@ def test_a_given_modulus_needs_no_fit(monkeypatch):
 
 @dataclass
 class Passes:
-    """Replaces `bending_rows`: returns prepared linear equations, and records the coefficients that it was given."""
+    # Replaces `bending_rows`: returns prepared linear equations, and records the coefficients that it was given.
 
     targets: list[float]
     noises: list[float]

@@ -349,10 +349,8 @@ MODULI = np.geomspace(1e2, 1e8, 13)
 
 
 def scan(*valid_mm: float, first: int = 5) -> Scan:
-    """Return a scan of 13 moduli, two for each factor of ten.
-
-    valid_mm : errors of the fit at the moduli from the index `first` on; other moduli have no equilibrium
-    """
+    # Return a scan of 13 moduli, two for each factor of ten.
+    # valid_mm : errors of the fit at the moduli from the index `first` on; other moduli have no equilibrium
     objective = np.full(len(MODULI), DISCARDED_MM)
     objective[first : first + len(valid_mm)] = valid_mm
     return Scan(MODULI, objective)

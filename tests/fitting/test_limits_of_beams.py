@@ -128,7 +128,7 @@ class Steps:
 
 
 def advanced(steps: Steps, tolerance_mm: float = 1e-6, near: Configuration | None = None) -> tuple[int, int, float]:
-    """Go from the equilibrium at load 1 to load 2; return status, iterations and one number of the equilibrium."""
+    # Go from the equilibrium at load 1 to load 2; return status, iterations and one number of the equilibrium.
     chosen: Any = SimpleNamespace(take=lambda rows: (None, None))
     now = state(1.0)
     status, spent = path._advance(

@@ -41,10 +41,8 @@ def quadratic(half: float) -> Callable[[Array], Array]:
 
 
 def ends_of(deviance: Callable[[Array], tuple[Array, Array]], checked: tuple[int, ...] = (0, 1)) -> Ends:
-    """Return the ends of the intervals of two coordinates: the points at which `deviance` is 4.
-
-    checked : indices of the coordinates whose ends are improved after the first guess
-    """
+    # Return the ends of the intervals of two coordinates: the points at which `deviance` is 4.
+    # checked : indices of the coordinates whose ends are improved after the first guess
     return interval_ends(deviance, OPTIMUM, np.zeros(2), np.diag(4.0 / HALF**2), HALF, checked)
 
 
@@ -119,12 +117,10 @@ def test_an_end_is_in_front_of_the_candidates_that_are_not_valid() -> None:
 def bulk_ends(
     monkeypatch: pytest.MonkeyPatch, values: list[float], high: float = 0.7, has_bulk: bool = True
 ) -> tuple[Ends, list[Array]]:
-    """Return the intervals of two unknowns from `estimate._ends`, and the points at which the deviance was computed.
-
-    values : the deviances, in the order in which they are computed
-    high : upper end of the interval of the second unknown
-    has_bulk : whether the second unknown is the bulk modulus
-    """
+    # Return the intervals of two unknowns from `estimate._ends`, and the points at which the deviance was computed.
+    # values : the deviances, in the order in which they are computed
+    # high : upper end of the interval of the second unknown
+    # has_bulk : whether the second unknown is the bulk modulus
     points, objective_mm = 50.0, 0.02
     asked: list[Array] = []
 

@@ -20,10 +20,8 @@ def at(unit: float, error_mm: float = 0.01) -> Any:
 
 
 def corrected(monkeypatch: pytest.MonkeyPatch, *optima: Any) -> tuple[Any, list[Any]]:
-    """Correct a fit by the solid beam model; return its optimum and the effect of the correction.
-
-    optima : stand-ins for the optimum after each pass of the correction; the optimum before the first pass is 0
-    """
+    # Correct a fit by the solid beam model; return its optimum and the effect of the correction.
+    # optima : stand-ins for the optimum after each pass of the correction; the optimum before the first pass is 0
     passes = iter(optima)
     problem: Any = SimpleNamespace(
         experiments=(), unknowns=SimpleNamespace(modulus_percent=lambda move: PERCENT * float(move))

@@ -40,7 +40,7 @@ class Simulated:
 
 
 class Named(SimpleNamespace):
-    """A replacement for the class `PossibleCause`. Like the class, it can be a key of a dictionary."""
+    # A replacement for the class `PossibleCause`. Like the class, it can be a key of a dictionary.
 
     __hash__ = object.__hash__  # type: ignore[assignment]
 

@@ -222,8 +222,6 @@ DARK = SimpleNamespace(picture=SimpleNamespace(lit_beam=False))
 
 @pytest.fixture
 def searched(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Replace both searches; return the function that sets their results and calls `find_edges`."""
-
     def call(
         image: Array = COLOUR,
         outlined: Any = DARK,

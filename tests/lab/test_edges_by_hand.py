@@ -52,10 +52,8 @@ def normal(z: Array) -> Array:
 
 
 def covered(u: Array, dark: float, bright: float, offset: float, blur: float, wide: float, passes: float) -> Array:
-    """Return grey values across the edge of a layer of silicone, `wide` px thick, beside a magnet.
-
-    passes: fraction of the light that passes through the silicone.
-    """
+    # Return grey values across the edge of a layer of silicone, `wide` px thick, beside a magnet.
+    # passes: fraction of the light that passes through the silicone.
     inner, outer = normal((u - offset + wide) / blur), normal((u - offset) / blur)
     return dark * (1.0 - inner) + bright * (passes * inner + (1.0 - passes) * outer)
 

@@ -39,7 +39,7 @@ def bare(kind: type, **values: Any) -> Any:
 
 @pytest.fixture
 def called(monkeypatch: pytest.MonkeyPatch) -> Called:
-    """Replace functions by paths, and return the list of their calls: name, arguments and keyword arguments."""
+    """Return a function that replaces functions of the program and records their calls."""
     calls: list[Any] = []
 
     def replace(path: str, answer: Any = None) -> list[Any]:

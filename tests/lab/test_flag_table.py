@@ -15,12 +15,10 @@ from eimi_lab.vision.flags import CHECKS, judge
 
 
 class Row(NamedTuple):
-    """A row of the table of flags: a warning, and the limits of the measured value.
-
-    severity: severity beyond `limit`. unusable: limit beyond which a state is unusable. below: whether small values get
-    the warning. adds: an example of a value with the warning, and the standard deviation that is then added to that of
-    the edge points, as a number and its unit.
-    """
+    # A row of the table of flags: a warning, and the limits of the measured value.
+    # severity: severity beyond `limit`. unusable: limit beyond which a state is unusable. below: whether small values
+    # get the warning. adds: an example of a value with the warning, and the standard deviation that is then added to
+    # that of the edge points, as a number and its unit.
 
     name: str
     limit: float

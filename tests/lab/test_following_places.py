@@ -230,10 +230,8 @@ def test_noise_and_span_of_the_searched_picture() -> None:
 
 
 def striped(level: float, around: float, wide: int, channels: int = 3) -> WorkingPicture:
-    """Return a picture of the grey value `around`, with a line of the grey value `level` that is `wide` px wide.
-
-    The expected width of the beam is 16 px.
-    """
+    # Return a picture of the grey value `around`, with a line of the grey value `level` that is `wide` px wide. The
+    # expected width of the beam is 16 px.
     pixels = np.full((40, 60, 3), around, np.float32)
     pixels[:, 30 : 30 + wide, :channels] = level
     return WorkingPicture(pixels, np.zeros(2), 1.0, StatedBeam(np.zeros(2), 0.0, 16.0, 40.0))

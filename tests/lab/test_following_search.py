@@ -140,11 +140,9 @@ def test_only_the_best_strip_of_each_cell_is_kept() -> None:
 
 
 def trail_of(*lines: tuple[Array, Array], gain: float = 0.5) -> list[_Generation]:
-    """Return the possible strips after each step of a search.
-
-    lines: for each strip, its position (x, y) and score after each step, (steps, 2) and (steps,). gain: increase of the
-    score by the first step.
-    """
+    # Return the possible strips after each step of a search.
+    # lines: for each strip, its position (x, y) and score after each step, (steps, 2) and (steps,). gain: increase of
+    # the score by the first step.
     steps = len(lines[0][0])
     trail = []
     for step in range(steps):

@@ -349,11 +349,9 @@ def test_an_edge_leads_to_points_near_its_straight_continuation(gap: float, asid
 
 
 def joined(gap: int, aside: float = 0.0, width: float = 1.0, beside: bool = True, first: int = 40) -> bool:
-    """Return whether the points of an edge before and behind a gap of `gap` unreliable points count as one edge.
-
-    aside: distance (px) between the two parts of the edge. width: relative width of the beam behind the gap. beside:
-    whether the width is known in the gap. first: number of points before the gap.
-    """
+    # Return whether the points of an edge before and behind a gap of `gap` unreliable points count as one edge.
+    # aside: distance (px) between the two parts of the edge. width: relative width of the beam behind the gap. beside:
+    # whether the width is known in the gap. first: number of points before the gap.
     stations = first + gap + 30
     seam = np.column_stack([np.zeros(stations), 2.0 * np.arange(stations)])
     seam[first + gap :, 0] = aside

@@ -83,7 +83,7 @@ class Heeding:
         self.heeded = heeded(self.did, self.coil, self.guardian)
 
     def done(self) -> list[Any]:
-        """Return the calls and the types of events that were recorded since the last call of this method."""
+        # Return the calls and the types of events that were recorded since the last call of this method.
         new = [type(one) if isinstance(one, Event) else one for one in self.did]
         self.did.clear()
         return new
@@ -177,7 +177,7 @@ def test_a_wrong_current_while_a_state_is_stored_switches_off_and_ends_the_run_a
 
 
 def ended(run: Heeding, **errors: Exception) -> list[Any]:
-    """End a run, and return what it did. `errors`: exceptions that methods of the coil raise, by method."""
+    # End a run, and return what it did. `errors`: exceptions that methods of the coil raise, by method.
     run.coil.errors.update(errors)
     ramp_down_and_switch_off(run.coil, run.guardian, on_event=run.did.append)
     return run.done()
@@ -267,10 +267,8 @@ class Sensor:
 
 
 def sensing(*sensors: tuple[str, str, Sensor]) -> tuple[Sensing, SimulatedClock, list[str]]:
-    """Return a reader of `sensors`, its clock, and a list that receives its warnings and each sign of life ("beat").
-
-    sensors: the name, the measured quantity and the stand-in of each sensor.
-    """
+    # Return a reader of `sensors`, its clock, and a list that receives its warnings and each sign of life ("beat").
+    # sensors: the name, the measured quantity and the stand-in of each sensor.
     clock = SimulatedClock()
     told: list[str] = []
     opened = [

@@ -28,11 +28,9 @@ def sides() -> np.ndarray:
 
 
 def edges_through_lens(sides: np.ndarray, stand_off_mm: float | None, noise_mm: float) -> EdgeObservation:
-    """Return the outline of a beam, with noise, as a lens shows it.
-
-    sides: edges of the middle plane in 7 states, (7, 2, n, 2) in mm. stand_off_mm: distance of the lens; None if
-    telecentric.
-    """
+    # Return the outline of a beam, with noise, as a lens shows it.
+    # sides: edges of the middle plane in 7 states, (7, 2, n, 2) in mm. stand_off_mm: distance of the lens; None if
+    # telecentric.
     if stand_off_mm:
         faces = [np.insert(sides, 2, z, axis=-1) for z in (-0.5 * DEPTH_MM, 0.5 * DEPTH_MM)]
         near, far = map(View(CENTRE_MM, stand_off_mm).seen, faces)

@@ -538,10 +538,8 @@ def test_a_compressible_material_is_remarked_below_a_ratio_of_0_495(monkeypatch:
 def ring_down(
     frequencies_Hz: tuple[float, float], effects: dict[str, float], static_percent: float, **sources: float
 ) -> Any:
-    """Return the result of `expected_ring_down` for a stand-in of the beam.
-
-    `frequencies_Hz`: its frequencies with the modulus of the law and with a modulus 5 % larger.
-    """
+    # Return the result of `expected_ring_down` for a stand-in of the beam.
+    # `frequencies_Hz`: its frequencies with the modulus of the law and with a modulus 5 % larger.
     answers = iter([*frequencies_Hz, *(frequencies_Hz[0] * np.exp(0.01) for _ in sources)])
 
     class Beam:

@@ -121,7 +121,7 @@ def test_every_option_of_a_fit_reaches_the_mathematics(curve: Path) -> None:
 
 @dataclasses.dataclass
 class Reached:
-    """The positional and named arguments with which a command called a function."""
+    # The positional and named arguments with which a command called a function.
 
     given: tuple[Any, ...]
     named: dict[str, Any]

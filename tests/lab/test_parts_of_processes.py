@@ -102,7 +102,7 @@ def square(number: int) -> int:
 
 
 def squares(numbers: list[int], lost: list[int], **options: Any) -> list[tuple[int, Callable[[], int]]]:
-    """Return numbers with functions that return their squares. The tasks with indices in `lost` kill their worker."""
+    # Return numbers with functions that return their squares. The tasks with indices in `lost` kill their worker.
     submissions = iter(number in lost for number in range(100))
     return list(completed(square, lambda n: {"number": n}, numbers, lambda: Here(submissions), **options))
 

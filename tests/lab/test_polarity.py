@@ -44,11 +44,8 @@ def bench(setup: Any) -> Any:
 
 
 def person(setup: Any, answered: list[bool]) -> Callable[[], str | None]:
-    """Return a replacement for a user who swaps the leads of the coil when the run asks for it.
-
-    answered: receives, each time the run reads the keyboard while the output is off, whether the set-point is zero.
-    """
-
+    # Return a replacement for a user who swaps the leads of the coil when the run asks for it.
+    # answered: receives, each time the run reads the keyboard while the output is off, whether the set-point is zero.
     def typed() -> str | None:
         if setup.coil.state.output:
             return None

@@ -43,10 +43,8 @@ def test_a_process_in_the_session_of_another_process_lowers_only_itself() -> Non
 
 
 def after_giving_way(leads_a_session: bool) -> tuple[int, int, str]:
-    """Let a process lower its own priority; return the increase of its nice value, its new nice value, and its group.
-
-    The group is the content of /proc/self/autogroup.
-    """
+    # Let a process lower its own priority; return the increase of its nice value, its new nice value, and its group.
+    # The group is the content of /proc/self/autogroup.
     options = detached() if leads_a_session else {}
     ran = subprocess.run([sys.executable, "-c", GIVE_WAY], stdout=subprocess.PIPE, text=True, check=True, **options)
     lowered, nice, session = json.loads(ran.stdout)

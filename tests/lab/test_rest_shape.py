@@ -43,7 +43,7 @@ def stated(**keys: str) -> SpecimenFile:
 
 
 def experiment_with(specimen, loads: Loads, seed: int = 1) -> Experiment:
-    """Return an experiment on the beam `specimen`, in which the beam model assumes the specimen "type1"."""
+    # Return an experiment on the beam `specimen`, in which the beam model assumes the specimen "type1".
     model = BeamModel(specimen, 26, 3)
     shapes = model.solve(LAWS["neo-hookean"], np.array([[46e3]]), loads)
     edges = points_on(edge_curves(model, shapes)[0], 4)[:, :, 6:-2]

@@ -294,7 +294,7 @@ def test_a_simulated_coil_is_waited_for_in_steps_of_the_simulated_time(monkeypat
 
 
 class Bending:
-    """A camera that takes a frame every 0.125 s."""
+    # A camera that takes a frame every 0.125 s.
 
     def __init__(self, clock: Clock) -> None:
         self.clock, self.number, self.flushed = clock, 0, 0

@@ -118,10 +118,8 @@ def test_a_map_that_ends_before_the_tip_is_refused():
 
 
 def outline_mm(bench: str = "", calibration: str = CALIBRATION) -> np.ndarray:
-    """Return the outline of the virtual beam at 1 A: n points, shape (n, 2), in mm.
-
-    bench: TOML text with the hidden errors of the virtual bench. calibration: text of calibration.toml.
-    """
+    # Return the outline of the virtual beam at 1 A: n points, shape (n, 2), in mm.
+    # bench: TOML text with the hidden errors of the virtual bench. calibration: text of calibration.toml.
     rig = load_rig("virtual")
     silicone = '[silicone."Dragon Skin 10"]\nmodel = "neo-hookean"\nparameters = { mu_Pa = 46390.0 }\n'
     assert rig.virtual is not None

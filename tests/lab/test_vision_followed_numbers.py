@@ -367,11 +367,10 @@ def test_a_projection_keeps_the_scale_of_the_camera() -> None:
 def findings_of(
     unsure: float = 0.0, gain: float = 0.8, deviations: float = 10.0, length: float = 1.0
 ) -> dict[str, float]:
-    """Return the findings (values for the quality checks) of a straight beam with edges at 200 places.
-
-    unsure: share of the places at which the left edge is not reliable. gain: clarity of the edges (0 to 1). deviations:
-    contrast of the left edge, in standard deviations. length: share of the nominal length that is followed.
-    """
+    # Return the findings (values for the quality checks) of a straight beam with edges at 200 places.
+    # unsure: share of the places at which the left edge is not reliable. gain: clarity of the edges (0 to 1).
+    # deviations: contrast of the left edge, in standard deviations. length: share of the nominal length that is
+    # followed.
     sound = np.ones((2, 200), dtype=bool)
     sound[0, 100 : 100 + round(200 * unsure)] = False
     sides = SimpleNamespace(

@@ -270,10 +270,8 @@ def test_a_beam_that_leaves_the_picture_keeps_its_long_edges():
 
 
 def stripes(*shown, aside_px=0.0):
-    """Draw a picture with stripes of the size of a beam: "red" is left of the clamp, and "blue" is right of it.
-
-    shown: names of the stripes to draw. aside_px: shift of the picture to the right.
-    """
+    # Draw a picture with stripes of the size of a beam: "red" is left of the clamp, and "blue" is right of it.
+    # shown: names of the stripes to draw. aside_px: shift of the picture to the right.
     image = np.full((96, 128, 3), 120.0)
     for name, colour, columns in (("red", (40, 60, 200), slice(48, 63)), ("blue", (200, 170, 40), slice(66, 81))):
         if name in shown:

@@ -49,7 +49,7 @@ with DatasetWriter(folder / "run.h5", header, Frame(image(0), 0, 0.0)) as writer
 
 
 def records(trace: bytes) -> Iterator[tuple[str, int, bytes]]:
-    """Yield kind, offset and bytes of each record in a trace of writes; a record "A" marks a stored state."""
+    # Yield kind, offset and bytes of each record in a trace of writes; a record "A" marks a stored state.
     at = 0
     while at < len(trace):
         offset, length = struct.unpack_from("<qq", trace, at + 1)

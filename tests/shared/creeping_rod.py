@@ -133,11 +133,9 @@ class CreepingRod:
         return roots, np.real(vectors[:, int(np.argmin(values.real))]), masses[0]
 
     def record(self, field_mT: float, seconds: float, times_s: Array, vibrates: bool = True) -> tuple[Array, complex]:
-        """Change the field at once; return the n coordinates of the rod at m times after it, and a complex rate (1/s).
-
-        The rate (decay and angular frequency) of the vibration changes with the creep. It is returned for the time at
-        which the amplitude has fallen to a fifteenth. vibrates : False for creep alone
-        """
+        # Change the field at once; return the n coordinates of the rod at m times after it, and a complex rate (1/s).
+        # The rate (decay and angular frequency) of the vibration changes with the creep. It is returned for the time at
+        # which the amplitude has fallen to a fifteenth. vibrates : False for creep alone
         before = self.coordinates
         times, slow = self.hold(field_mT, seconds)
         motion = CubicSpline(np.log(times[1:]), slow[1:])(np.log(times_s))

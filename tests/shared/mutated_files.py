@@ -145,7 +145,7 @@ def recovered(path: Path) -> str:
 
 
 def read(path: Path) -> str:
-    """Read a file completely; return "read", "refused", or "refused in several lines" (of a message)."""
+    # Read a file completely; return "read", "refused", or "refused in several lines" (of a message).
     try:
         match next(kind for ending, kind in READERS.items() if path.name.endswith(ending)):
             case "dataset":
@@ -208,7 +208,7 @@ def serve(pipe: Connection, recover: bool) -> None:
 
 
 def read_guarded(path: Path) -> str:
-    """Try to read a C3D file; return "read", "refused", or "refused in several lines" (of a message)."""
+    # Try to read a C3D file; return "read", "refused", or "refused in several lines" (of a message).
     try:
         read_c3d(path)
     except InputError as error:

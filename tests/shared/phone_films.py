@@ -86,43 +86,39 @@ class HiddenStrip:
 
 @dataclass(frozen=True)
 class PhoneFilm:
-    """A phone video of a vibrating silicone strip.
-
-    Attributes
-    ----------
-    scene : PhoneScene
-        Camera, colours, clamp and ruler.
-    strip : HiddenStrip
-        The strip in the video.
-    rate_Hz : float
-        Frame rate.
-    seconds : float
-        Duration.
-    flicks_mm : tuple of float
-        Amplitude of each flick at the tip.
-    released_s : tuple of float
-        Time of each release of the tip.
-    exposure_s : float
-        Exposure of each frame.
-    row_time_s : float
-        Time between the exposures of neighbouring rows of pixels.
-    shake_px : float
-        Standard deviation of the motion of the phone.
-    drift_px : float
-        Downward motion of the picture during the video.
-    lost : float
-        Share of lost frames.
-    played_Hz : float or None
-        Frame rate of a slow-motion display; None without slow motion.
-    is_stated : bool
-        Whether a slow-motion file contains the true frame rate.
-    turn_deg : int
-        Clockwise rotation of the display: 0, 90, 180 or 270.
-    finger : bool
-        Whether the finger is drawn.
-    quality : int
-        JPEG quality (0 to 100) of the frames before the video is encoded.
-    """
+    # A phone video of a vibrating silicone strip.
+    # scene : PhoneScene
+    #     Camera, colours, clamp and ruler.
+    # strip : HiddenStrip
+    #     The strip in the video.
+    # rate_Hz : float
+    #     Frame rate.
+    # seconds : float
+    #     Duration.
+    # flicks_mm : tuple of float
+    #     Amplitude of each flick at the tip.
+    # released_s : tuple of float
+    #     Time of each release of the tip.
+    # exposure_s : float
+    #     Exposure of each frame.
+    # row_time_s : float
+    #     Time between the exposures of neighbouring rows of pixels.
+    # shake_px : float
+    #     Standard deviation of the motion of the phone.
+    # drift_px : float
+    #     Downward motion of the picture during the video.
+    # lost : float
+    #     Share of lost frames.
+    # played_Hz : float or None
+    #     Frame rate of a slow-motion display; None without slow motion.
+    # is_stated : bool
+    #     Whether a slow-motion file contains the true frame rate.
+    # turn_deg : int
+    #     Clockwise rotation of the display: 0, 90, 180 or 270.
+    # finger : bool
+    #     Whether the finger is drawn.
+    # quality : int
+    #     JPEG quality (0 to 100) of the frames before the video is encoded.
 
     scene: PhoneScene
     strip: HiddenStrip
@@ -312,7 +308,7 @@ class PhoneFilm:
 
 
 def hidden_strip(specimen: Specimen, instantaneous_Pa: float, series: Prony, axis_deg: float = 0.0) -> HiddenStrip:
-    """Return a virtual strip of a given material; its clamp points `axis_deg` degrees below the horizontal."""
+    # Return a virtual strip of a given material; its clamp points `axis_deg` degrees below the horizontal.
     law, model = LAWS["neo-hookean"], SolidBeside(specimen, *MESH)
     at_rest_Pa = instantaneous_Pa * float(series.ratio(60.0))
     parameters = np.array([[at_rest_Pa]])

@@ -52,11 +52,8 @@ class PictureScore:
         return not (self.median <= MEDIAN_PX and self.p95 <= P95_PX)
 
     def silent(self, edges: EdgeSet) -> bool:
-        """Return whether edges are wrong although no warning was given.
-
-        They are wrong if their root mean square distance from the edges that a person traced exceeds three times the
-        uncertainty of the traced edges.
-        """
+        # Return whether edges are wrong although no warning was given. They are wrong if their root mean square
+        # distance from the edges that a person traced exceeds three times the uncertainty of the traced edges.
         flagged = any(flag.severity is not Severity.NOTE for flag in edges.flags)
         return bool(len(edges.left.points_mm)) and not flagged and self.rms > 3.0 * self.traced_px
 

@@ -41,7 +41,7 @@ settle = {{ noise_ratio = 3.0, pairs = 1, drift_window_s = 0.05, timeout_s = 2.0
 
 @dataclass(frozen=True)
 class Streamed:
-    """A recorded run: its file, the report of its free vibration, and whether all stored frames equal those taken."""
+    # A recorded run: its file, the report of its free vibration, and whether all stored frames equal those taken.
 
     path: Path
     stored: RingDownStored

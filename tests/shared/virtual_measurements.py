@@ -89,13 +89,11 @@ class Case:
 
 @dataclass(frozen=True)
 class Outcome:
-    """The result of one simulated fit. The modulus and the ends of its intervals are divided by the true modulus.
-
-    interval : the 95 % interval
-    fit_alone : the 95 % interval from noise and mesh alone
-    drawn : shift of the modulus by the random errors of the inputs, divided by the standard deviation of such shifts
-    seconds : processor time
-    """
+    # The result of one simulated fit. The modulus and the ends of its intervals are divided by the true modulus.
+    # interval : the 95 % interval
+    # fit_alone : the 95 % interval from noise and mesh alone
+    # drawn : shift of the modulus by the random errors of the inputs, divided by the standard deviation of such shifts
+    # seconds : processor time
 
     case: Case
     value: float
@@ -119,7 +117,7 @@ def stated() -> tuple[StatedSource, ...]:
 
 @cache
 def usual() -> tuple[StatedSource, ...]:
-    """Return the usual standard uncertainties of all inputs of a measurement with a telecentric camera."""
+    # Return the usual standard uncertainties of all inputs of a measurement with a telecentric camera.
     return tuple(
         StatedSource(name, source.usual, source.stated_in)
         for name, source in SOURCES.items()
@@ -148,10 +146,8 @@ def begun_at(model: str, rng: np.random.Generator) -> Array:
 
 @cache
 def effect_of_depth(model: str, specimen: Specimen) -> DepthEffect | None:
-    """Return the differences between the shapes of the solid and of the planar model of a bent beam.
-
-    The result is None for a specimen that is simulated by the planar model.
-    """
+    # Return the differences between the shapes of the solid and of the planar model of a bent beam. The result is None
+    # for a specimen that is simulated by the planar model.
     if specimen.section != "solid":
         return None
     turns = Loads.along(np.linspace(0.0, 1.1 * FIELD_MT[-1], 8))
@@ -233,7 +229,7 @@ def outcome(case: Case) -> Outcome:
 
 
 def drawn(case: Case, estimate: Estimate, deviations: Mapping[str, Array]) -> float:
-    """Return the shift of the modulus by the drawn errors of the inputs, divided by its standard deviation."""
+    # Return the shift of the modulus by the drawn errors of the inputs, divided by its standard deviation.
     law = LAWS[case.model]
     parameters = np.column_stack([estimate.draws.column(name) for name in law.parameter_names])
     numbers = [(key, part) for key, values in deviations.items() for part in range(len(values))]
@@ -248,15 +244,13 @@ def drawn(case: Case, estimate: Estimate, deviations: Mapping[str, Array]) -> fl
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """Statistics of a group of simulated fits.
-
-    held_percent : share of the intervals that contain the truth
-    chance_percent : 95 % confidence interval of this share
-    drawn_percent : share of the simulated fits in which the input errors shift the modulus by less than 1.96 times the
-        standard deviation of this shift
-    over_needed : half-width of the intervals, divided by the one that would contain the truth in 95 % of the fits
-    over_needed_least : lower bound of `over_needed`, with a confidence of 97.5 %
-    """
+    # Statistics of a group of simulated fits.
+    # held_percent : share of the intervals that contain the truth
+    # chance_percent : 95 % confidence interval of this share
+    # drawn_percent : share of the simulated fits in which the input errors shift the modulus by less than 1.96 times
+    #     the standard deviation of this shift
+    # over_needed : half-width of the intervals, divided by the one that would contain the truth in 95 % of the fits
+    # over_needed_least : lower bound of `over_needed`, with a confidence of 97.5 %
 
     name: str
     experiments: int

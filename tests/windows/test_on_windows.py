@@ -70,10 +70,8 @@ def another_process(folder: Path, code: str) -> Iterator[subprocess.Popen[bytes]
 
 @contextmanager
 def indexed(folder: Path) -> Iterator[set[tuple[str, int]]]:
-    """Open every new or changed file for 0.2 s, as a virus scanner does; yield the opened files.
-
-    While a file is open, no other program can write, move or remove the file.
-    """
+    # Open every new or changed file for 0.2 s, as a virus scanner does; yield the opened files. While a file is open,
+    # no other program can write, move or remove the file.
     kernel = ctypes.WinDLL("kernel32")
     kernel.CreateFileW.restype = ctypes.c_void_p
     held: set[tuple[str, int]] = set()

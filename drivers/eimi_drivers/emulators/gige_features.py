@@ -140,11 +140,9 @@ def _formula(name: str, formula: str, **variables: str) -> str:
 
 
 def _converted(name: str, address: int, to_register: str, from_register: str, smallest: int, largest: int) -> str:
-    """Return the XML of a numerical feature whose value is computed from the integer in a register of the camera.
-
-    `to_register` is the formula for the integer, with FROM for the value; `from_register` is that for the value,
-    with TO for the integer (names of the GenICam standard). `smallest` and `largest` are the bounds of the integer.
-    """
+    # Return the XML of a numerical feature whose value is computed from the integer in a register of the camera.
+    # `to_register` is the formula for the integer, with FROM for the value; `from_register` is that for the value, with
+    # TO for the integer (names of the GenICam standard). `smallest` and `largest` are the bounds of the integer.
     return (
         f'<Float Name="{name}"><pValue>{name}Converter</pValue></Float>'
         f'<Converter Name="{name}Converter"><FormulaTo>{to_register}</FormulaTo><FormulaFrom>{from_register}'

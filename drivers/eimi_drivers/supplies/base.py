@@ -264,10 +264,8 @@ class SupplyBase(Conversation, ABC):
         return self._compare()
 
     def _compare(self) -> bool:
-        """Return whether the output of the supply at the reopened line is already off.
-
-        Raises SwitchOffFailed if it may be another supply than before.
-        """
+        # Return whether the output of the supply at the reopened line is already off. Raises SwitchOffFailed if it may
+        # be another supply than before.
         assert self._bound is not None
         try:
             self.identify()
@@ -338,10 +336,8 @@ class SupplyBase(Conversation, ABC):
             )
 
     def _read_back(self, ask: Callable[[], _Value], is_right: Callable[[_Value], bool]) -> _Value | None:
-        """Ask until `read_backs` consecutive answers are right, and return None; after a time limit, return the answer.
-
-        The time limit is READ_BACK_WITHIN_S; only a wrong answer after this time is returned.
-        """
+        # Ask until `read_backs` consecutive answers are right, and return None; after a time limit, return the answer.
+        # The time limit is READ_BACK_WITHIN_S; only a wrong answer after this time is returned.
         deadline = self._clock.now() + READ_BACK_WITHIN_S
         right = 0
         while right < self.read_backs:

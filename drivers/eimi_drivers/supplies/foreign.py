@@ -34,7 +34,7 @@ class Interruptions:
         self._last: BaseException | None = None
 
     def __call__(self) -> None:
-        """Call the function that the program calls between two messages; store its error, and raise it."""
+        """Call the function, and store its error."""
         try:
             self._between_messages()
         except BaseException as error:
@@ -42,7 +42,7 @@ class Interruptions:
             raise
 
     def raised(self, error: BaseException) -> bool:
-        """Return whether the error came from the function that the program calls between two messages."""
+        """Return whether the function raised this error."""
         return error is self._last
 
 

@@ -126,11 +126,9 @@ def check_on_beam(row: Row, specimen: SpecimenFile) -> None:
 
 
 def _within(key: str, size_mm: float, modelled_mm: NDArray[np.float64]) -> str:
-    """Return how far a point may be from the centre line of the beam, as a part of an error message.
-
-    ``size_mm`` is the value of ``key`` ("width_mm" or "depth_mm") in the specimen file. If it varies along the beam,
-    the message contains ``modelled_mm`` (1,), its value at the point.
-    """
+    # Return how far a point may be from the centre line of the beam, as a part of an error message. ``size_mm`` is the
+    # value of ``key`` ("width_mm" or "depth_mm") in the specimen file. If it varies along the beam, the message
+    # contains ``modelled_mm`` (1,), its value at the point.
     if not rows_of(size_mm):
         return f"within half of {key} = {size_mm:g}"
     return f"within half of {key} at this x0_mm = {modelled_mm[0]:.4g} (a step of {key} is a short ramp in the model)"

@@ -55,25 +55,22 @@ class SiliconeMargin:
 
 @dataclass(frozen=True)
 class Side:
-    """The n points that were located on the left edge, the tip or the right edge.
+    """The n points that were located on the left edge, the tip or the right edge."""
 
-    Attributes
-    ----------
-    curve : SmoothCurve
-        Approximate edge, on whose normals the points were searched.
-    points_px : ndarray, shape (n, 2)
-        The edge points.
-    offset_px : ndarray, shape (n,)
-        Distance of each point from the curve.
-    sigma_px : ndarray, shape (n,)
-        Standard deviation of the offset due to image noise.
-    common_px : ndarray, shape (n,)
-        Standard deviation of a shift of all offsets together, such as beside a magnet.
-    sound : ndarray of bool, shape (n,)
-        Whether an edge was detected at each point.
-    stride : int
-        Every stride-th point is stored as a point of the edge.
-    """
+    # curve : SmoothCurve
+    #     Approximate edge, on whose normals the points were searched.
+    # points_px : ndarray, shape (n, 2)
+    #     The edge points.
+    # offset_px : ndarray, shape (n,)
+    #     Distance of each point from the curve.
+    # sigma_px : ndarray, shape (n,)
+    #     Standard deviation of the offset due to image noise.
+    # common_px : ndarray, shape (n,)
+    #     Standard deviation of a shift of all offsets together, such as beside a magnet.
+    # sound : ndarray of bool, shape (n,)
+    #     Whether an edge was detected at each point.
+    # stride : int
+    #     Every stride-th point is stored as a point of the edge.
 
     curve: SmoothCurve
     points_px: Array
@@ -308,7 +305,7 @@ def _locate(
 
 
 def _inner_reach_px(half_px: float, cover_px: float, blur_px: float) -> float:
-    """Return the distance (px) inside the edge up to which grey values are used; it ends before the magnet."""
+    # Return the distance (px) inside the edge up to which grey values are used; it ends before the magnet.
     return min(half_px, cover_px - 1.5 * blur_px) if cover_px > 3.0 * blur_px else half_px
 
 

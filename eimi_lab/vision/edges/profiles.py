@@ -123,25 +123,22 @@ class Cover:
 
 @dataclass(frozen=True)
 class Steps:
-    """Blurred steps that were fitted to the grey values along n lines across an edge.
+    """Blurred steps that were fitted to the grey values along n lines across an edge."""
 
-    Attributes
-    ----------
-    offset_px : ndarray, shape (n,)
-        Distance along each line from its origin to the edge.
-    dark, bright : ndarray, shape (n,)
-        Grey values on both sides of each step.
-    blur_px : float
-        Standard deviation of the Gaussian blur of all steps.
-    residual : ndarray, shape (n,)
-        RMS residual on each line, as a share of the height of its step.
-    sensitivity : ndarray, shape (n,)
-        Standard deviation of the offset (px) for noise of one grey level.
-    common_px : ndarray, shape (n,)
-        Standard deviation of a shift of all offsets together, such as beside a magnet.
-    sound : ndarray of bool, shape (n,)
-        Whether a step was detected on each line.
-    """
+    # offset_px : ndarray, shape (n,)
+    #     Distance along each line from its origin to the edge.
+    # dark, bright : ndarray, shape (n,)
+    #     Grey values on both sides of each step.
+    # blur_px : float
+    #     Standard deviation of the Gaussian blur of all steps.
+    # residual : ndarray, shape (n,)
+    #     RMS residual on each line, as a share of the height of its step.
+    # sensitivity : ndarray, shape (n,)
+    #     Standard deviation of the offset (px) for noise of one grey level.
+    # common_px : ndarray, shape (n,)
+    #     Standard deviation of a shift of all offsets together, such as beside a magnet.
+    # sound : ndarray of bool, shape (n,)
+    #     Whether a step was detected on each line.
 
     offset_px: Array
     dark: Array

@@ -134,10 +134,9 @@ def find_strip(picture: WorkingPicture, polarity: str | None, earlier: Callable[
 
 @dataclass(frozen=True)
 class _Generation:
-    """The possible strips after one step of the search.
-
-    `parent`: index of the shorter strip from which each strip was extended. `gain`: increase of the score by this step.
-    """
+    # The possible strips after one step of the search.
+    # `parent`: index of the shorter strip from which each strip was extended. `gain`: increase of the score by this
+    # step.
 
     strips: Hypotheses
     parent: NDArray[np.int64]

@@ -131,10 +131,8 @@ class _Edge:
     def fitted(
         self, curve: SmoothCurve, place: Array, station: NDArray[np.int64], half: float, blur: float, level: bool
     ) -> tuple[Array, Steps, Mask]:
-        """Fit a step of the grey value across a curve at each of n places, to locate the points of an edge.
-
-        The result is the points in px, the fitted steps, and whether each step is clear.
-        """
+        # Fit a step of the grey value across a curve at each of n places, to locate the points of an edge. The result
+        # is the points in px, the fitted steps, and whether each step is clear.
         u = stations(half, half)
         profiles, inside = self._profiles(curve, place, station, u)
         if level:

@@ -135,21 +135,17 @@ def misfit(colours: NDArray[np.float32], template: NDArray[np.float32], variance
 def updated_templates(
     colours: NDArray[np.float32], template: NDArray[np.float32], tolerance: Array, variance: Array, least: float
 ) -> tuple[NDArray[np.float32], Array]:
-    """Return the remembered colours and variances of n strips (possible beams) after a further step along the beam.
-
-    Parameters
-    ----------
-    colours : ndarray, shape (n, 15, channels)
-        Present colours at 15 points across each strip: three outside, nine inside, three outside.
-    template : ndarray, shape (n, 9, channels)
-        Remembered colours at the nine points inside.
-    tolerance : ndarray, shape (n,)
-        Variance of the colours of each strip near the clamp, summed over the channels.
-    variance : ndarray, shape (n,)
-        The variance that this function returned after the previous step.
-    least : float
-        Smallest variance that is assumed for a colour.
-    """
+    """Return the remembered colours and variances of n strips (possible beams) after a further step along the beam."""
+    # colours : ndarray, shape (n, 15, channels)
+    #     Present colours at 15 points across each strip: three outside, nine inside, three outside.
+    # template : ndarray, shape (n, 9, channels)
+    #     Remembered colours at the nine points inside.
+    # tolerance : ndarray, shape (n,)
+    #     Variance of the colours of each strip near the clamp, summed over the channels.
+    # variance : ndarray, shape (n,)
+    #     The variance that this function returned after the previous step.
+    # least : float
+    #     Smallest variance that is assumed for a colour.
     present = colours[:, _INSIDE]
     squares = ((present - template) ** 2).sum(axis=2)
     same = squares < _CERTAIN * tolerance[:, None]
@@ -171,8 +167,7 @@ def assumed_variance(least: float, scatter: Array, inside: NDArray[np.float32]) 
 
 
 def inside_of(colours: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the colours at the middle nine of 15 points across each assumed strip of the beam.
-
-    The other points lie outside the strip.
-    """
+    """Return the colours inside the beam."""
+    # Return the colours at the middle nine of 15 points across each assumed strip of the beam. The other points lie
+    # outside the strip.
     return colours[:, _INSIDE]

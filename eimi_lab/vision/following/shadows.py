@@ -134,7 +134,8 @@ def _colours_of(unrolled: UnrolledPicture, mask: NDArray[np.bool_], window: int)
 
 
 def merged(moved: NDArray[np.bool_], where_moved: ColourProjection, elsewhere: ColourProjection) -> ColourProjection:
-    """Take the weights of the colours from `where_moved` in the rows whose edge was moved, else from `elsewhere`."""
+    """Combine the weights of colours of two searches."""
+    # Take the weights of the colours from `where_moved` in the rows whose edge was moved, else from `elsewhere`.
     values = {}
     for field in fields(where_moved):
         one, two = getattr(where_moved, field.name), getattr(elsewhere, field.name)

@@ -152,12 +152,10 @@ def _turn(seam: Array, arm: int) -> Array:
 
 
 def _longest_chain(seam: Array, width: Array, sound: Mask, scale: float, lever: int) -> Mask:
-    """Return which of n points along the beam belong to its edge, and not to a shadow or a stain.
-
-    `seam`: distance of each point across the beam, px. `sound`: whether the point is reliable. `width`: width of the
-    beam, divided by the expected width; NaN where unknown. `scale`: expected width, px. `lever`: number of points from
-    which a direction is computed.
-    """
+    # Return which of n points along the beam belong to its edge, and not to a shadow or a stain.
+    # `seam`: distance of each point across the beam, px. `sound`: whether the point is reliable. `width`: width of the
+    # beam, divided by the expected width; NaN where unknown. `scale`: expected width, px. `lever`: number of points
+    # from which a direction is computed.
     # Runs of reliable points that continue each other across a gap form a chain; the longest chain is the edge.
     step = np.diff(np.concatenate([[False], sound, [False]]).astype(np.int8))
     chains: list[_Chain] = []

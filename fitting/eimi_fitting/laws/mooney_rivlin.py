@@ -37,7 +37,7 @@ class MooneyRivlin(InvariantLaw):
     )
 
     def from_coordinates(self, x: Array) -> Array:
-        """Return C10 and C01, (P, 2), from the coordinates of the search 2 (C10 + C01) and C01/(C10 + C01), (P, 2)."""
+        """Return C10 and C01, (P, 2), from the coordinates of the search, (P, 2): 2 (C10 + C01), C01/(C10 + C01)."""
         mu0, share = x[:, 0], x[:, 1]
         return np.column_stack([0.5 * mu0 * (1 - share), 0.5 * mu0 * share])
 

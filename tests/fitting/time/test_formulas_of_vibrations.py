@@ -25,12 +25,10 @@ from eimi_fitting.time.terms import Terms
 def fit(
     modes: list[tuple[float, float]], linear: list[list[float]], bend: tuple[float, float] = (0.0, 0.0)
 ) -> ModalFit:
-    """Return the fit of a vibration in 400 frames, 100 in a second. One signal is a motion along x, the other along y.
-
-    modes : frequency (Hz) and loss factor of each vibration
-    linear : the first coefficients of the two signals; the units are 2 mm for the first and 3 mm for the second
-    bend : change of frequency and loss factor of the first vibration at large amplitudes
-    """
+    # Return the fit of a vibration in 400 frames, 100 in a second. One signal is a motion along x, the other along y.
+    # modes : frequency (Hz) and loss factor of each vibration
+    # linear : the first coefficients of the two signals; the units are 2 mm for the first and 3 mm for the second
+    # bend : change of frequency and loss factor of the first vibration at large amplitudes
     of_modes = np.array([[np.log(2 * np.pi * f), loss] for f, loss in modes])
     time, change = np.arange(400) / 100.0, np.array(bend)
     design = design_matrix(time, of_modes, change)

@@ -107,10 +107,8 @@ def test_a_second_vibration_below_the_first_overtone_is_named(
 
 
 def disturbed(first: int, last: int, size: float, later: float = 1e-3, frames: int = 400) -> ModalFit:
-    """Return a fit of an undamped vibration, with residuals of `size` in the frames from `first` to before `last`.
-
-    The residuals of the other frames are `later`. The vibration has 20 frames in a period and a root mean square of 1.
-    """
+    # Return a fit of an undamped vibration, with residuals of `size` in the frames from `first` to before `last`. The
+    # residuals of the other frames are `later`. The vibration has 20 frames in a period and a root mean square of 1.
     steady = fit(loss=0.0, size=(np.sqrt(2.0), 0.0), frames=frames)
     residuals = np.full((frames, 1), later)
     residuals[first:last] = size

@@ -167,7 +167,7 @@ CASES: tuple[Callable[[], Case], ...] = (
 
 
 def steps_of(case: Case, name: str) -> Iterator[str]:
-    """Yield the numbers of each step of the search for edges in a picture, as text; `name` begins each line."""
+    # Yield the numbers of each step of the search for edges in a picture, as text; `name` begins each line.
     findings: dict[str, float] = {}
     search = BackLitSearch(BeamFrame(case.calibration), case.calibration.pixels_per_mm, case.specimen, findings, None)
     search.projection = case.projection

@@ -189,7 +189,7 @@ CASES: tuple[Callable[[], FollowedBeam], ...] = (
 
 
 def steps_of(followed: FollowedBeam, name: str) -> Iterator[str]:
-    """Yield the numbers of each step in which a beam was found in a picture, as text; `name` begins each line."""
+    # Yield the numbers of each step in which a beam was found in a picture, as text; `name` begins each line.
     yield from described(followed.findings, f"{name} findings")
     yield from described(followed.words, f"{name} words")
     if followed.working is not None:

@@ -66,7 +66,7 @@ CASES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
 
 
 def tracked(name: str) -> Iterator[str]:
-    """Yield the numbers that describe the tracked beam in each frame of a recording, as text."""
+    # Yield the numbers that describe the tracked beam in each frame of a recording, as text.
     given, options = CASES[name]
     frames = recording(**given)
     tracker = BeamTracker(frames[0], drawn_edges(0.0, 0.05), FRAME, 12.0, **options)

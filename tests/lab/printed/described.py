@@ -35,7 +35,7 @@ _NUMBER = re.compile(r"[-−+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
 def described(value: Any, name: str = "") -> Iterator[str]:
-    """Yield a line for each text, number and graphical mark in a part of a report, after a path like "name.rows.0"."""
+    """Yield the texts, numbers and graphical marks of a part of a report, one in a line, for a comparison."""
     if isinstance(value, Figure):
         yield from figure(value, name)
     elif isinstance(value, str | int | float | datetime) or value is None:

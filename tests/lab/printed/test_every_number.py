@@ -145,7 +145,7 @@ def numbers_of_the_figures_of_a_fit(fit: FitRecord, shown: Shown) -> dict[str, l
 
 
 def numbers_of_the_figures_of_predictions(fit: FitRecord, shown: Shown) -> dict[str, list[str]]:
-    """Find out which stored number each number in a plot of predictions by two laws comes from (see `traced`)."""
+    # Find out which stored number each number in a plot of predictions by two laws comes from (see `traced`).
     content = {
         "states": [{"index": k, "field_mT": field} for k, field in enumerate((0.67, 3.49, 6.83))],
         "fits": [

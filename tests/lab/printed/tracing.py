@@ -77,12 +77,10 @@ def changed(content: Any, path: str) -> Any:
 
 
 def traced(content: Any, printed: Callable[[Any], Texts], skip: tuple[str, ...] = ()) -> dict[str, list[str]]:
-    """Find out which stored number each printed number comes from.
-
-    The result describes, for each printed text, every number: the path of the stored number, the ratio of the printed
-    to the stored number, and the unit. content: nested lists and dictionaries with the stored numbers. printed:
-    function that returns the printed texts by name. skip: beginnings of paths of stored numbers to leave out.
-    """
+    # Find out which stored number each printed number comes from.
+    # The result describes, for each printed text, every number: the path of the stored number, the ratio of the printed
+    # to the stored number, and the unit. content: nested lists and dictionaries with the stored numbers. printed:
+    # function that returns the printed texts by name. skip: beginnings of paths of stored numbers to leave out.
     before = {name: _numbers(text) for name, text in printed(content).items()}
     values = numbers_of(content)
     origins: dict[tuple[str, int], list[str]] = {}

@@ -164,7 +164,7 @@ class Weighing:
         return float((change**2 / variance).sum())
 
     def as_cause(self, rows: Sequence[int], amounts: Array, cause: int) -> Array:
-        """Return the size of the systematic error with the same effect on the residuals as given errors of inputs."""
+        """Find the size of one systematic error that changes the residuals as some errors of inputs do."""
         # The change is approximated by least squares. rows, amounts: indices of the inputs, and their errors.
         of_cause, root = self._shown_rows(cause), np.sqrt(self._variance)
         change = amounts / self._scale[rows] @ self._rows[rows] / root

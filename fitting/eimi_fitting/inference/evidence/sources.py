@@ -43,13 +43,13 @@ class Source:
     usual : float
         Usual standard deviation in a laboratory, in ``unit``.
     is_decisive : bool
-        Whether a fit reports the effect of the usual error if no file specifies an uncertainty.
+        Whether a fit without a given uncertainty says how large the effect of the usual error would be.
     is_even : bool
         Whether the effect is equal in a reversed magnetic field.
     common : bool
         Whether all datasets usually have the same error of this input.
     covers : tuple of str
-        Names of inputs with an equal effect.
+        Names of other inputs with the same effect. If this input is fitted, they are not considered separately.
     stated_in : str or None
         The file that specifies the uncertainty: "specimen", "calibration" or "rig".
     key : str

@@ -1,4 +1,4 @@
-"""Elements, systems of equations, loads, paths and motions of small beam models give the accepted numbers."""
+"""Finite elements, linear systems, loads and motions of small beam models give the stored numbers."""
 
 # If a change is wanted, read the differences before you copy a new description over the accepted one.
 
