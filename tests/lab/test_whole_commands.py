@@ -320,7 +320,7 @@ def test_a_simulation_tells_whether_the_fit_has_seen_the_dataset(monkeypatch: py
     assert experiment_words.startswith("polished applied")
     assert near == ("near",)
     assert (options.method, options.accuracy_mm) == ("interpolate", pytest.approx(max(simulated_fit.ACCURACY_MM, 3e-3)))
-    with pytest.raises(InputError, match=r"fits\.json: fits\.2 was fitted to a\.h5 with the section plane-stress, "):
+    with pytest.raises(InputError, match=r"fits\.json: fits\.2 assumed plane-stress for a\.h5, "):
         simulated(SimpleNamespace(sha256="12", section="plane-stress"))
     better = None
     assert simulated(here) == (None, None)
