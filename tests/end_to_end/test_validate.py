@@ -196,8 +196,7 @@ def test_no_finer_model_is_solved_if_the_planar_one_has_no_equilibrium(
         (("train.h5", "--fit", "empty.json", "-o", "v.json"), "empty.json: fits: Tuple should have at least 1 item"),
         (
             ("train.h5", "--fit", "fits.json", "--section", "plane-strain", "-o", "v.json"),
-            "fits.json: fits.0 assumed plane-stress for train.h5, and not plane-strain; give --section "
-            "plane-stress",
+            "fits.json: fits.0 assumed plane-stress for train.h5, and not plane-strain; give --section plane-stress",
         ),
     ],
 )
