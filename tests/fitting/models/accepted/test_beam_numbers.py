@@ -707,3 +707,23 @@ def test_a_twist_has_the_accepted_numbers(tmp_path: Path) -> None:
     whole = 1e-9 * (30 * 3 * 5 * 1070 + 4 * 2 * 2.5 * (7500 - 1070))
     assert weight_beyond_kg(BEAM, np.zeros(1)) == pytest.approx(whole)
     assert weight_beyond_kg(replace(BEAM, magnet=None), np.array([35.0])) == 0.0
+
+
+def test_a_folded_candidate_has_finite_forces_and_does_not_change_the_other() -> None:
+    rng = np.random.default_rng(13)
+    bricks = brick_mesh(np.array([0.0, 1.0, 2.2]), np.array([-0.5, 0.6]), np.array([0.0, 0.8]))
+    for kind, mesh, pressures, section in [
+        (element, planar_elements(), 3, "plane-strain"),
+        (brick, bricks, 4, "solid"),
+    ]:
+        ops, batch = kind.operators(mesh), batch_of("yeoh", section)  # type: ignore[attr-defined]
+        nodes = mesh.nodes[mesh.elements].swapaxes(1, 2)
+        nodal = rng.normal(0, 0.03, (2, 2, *nodes.shape[1:]))
+        nodal[:, 0, 0] -= 2.0 * nodes[:, 0]
+        pressure = rng.normal(0, 0.1, (2, 2, pressures))
+        ev = kind.evaluate(ops, batch, nodal, pressure)  # type: ignore[attr-defined]
+        assert ev.valid.tolist() == [False, True]
+        assert np.isfinite(ev.force).all()
+        alone = Batch(batch.law, batch.parameters[1:], batch.section, batch.bulk[1:])
+        other = kind.evaluate(ops, alone, nodal[:, 1:], pressure[:, 1:])  # type: ignore[attr-defined]
+        assert ev.force[:, 1:] == pytest.approx(other.force)
