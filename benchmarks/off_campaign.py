@@ -63,7 +63,7 @@ def attempt(fault: Fault, after_s: float, patience: float) -> Outcome:
     """Run one trial, and return its result.
 
     The fault comes `after_s` seconds after the full current. `patience` multiplies the time limit, for slow machines. A
-    trial in which the supply or the guardian answers too late before the fault is repeated: it tests no fault.
+    trial that fails before its fault, because the computer is too busy, is repeated.
     """
     for _ in range(STARTS_AT_MOST - 1):
         with suppress(LateAnswer):

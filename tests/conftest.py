@@ -39,7 +39,7 @@ MEASURED = Path(__file__).parents[2] / "shared" / "data"
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers() -> int:
-    """Use one more worker than there are processors, because many tests wait."""
+    # Use one more worker than there are processors, because many tests wait.
     return (os.cpu_count() or 1) + 1
 
 
@@ -55,7 +55,7 @@ _LONGEST = (
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Run the slowest test files first if there are several workers."""
+    # Run the slowest test files first if there are several workers.
     if not hasattr(config, "workerinput"):
         return
     place = {name: k for k, name in enumerate(_LONGEST)}
@@ -64,7 +64,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Generator[None, object, object]:
-    """Exclude the collected tests from garbage collection, which saves time."""
+    # Exclude the collected tests from garbage collection, which saves time.
     gc.disable()
     try:
         return (yield)
@@ -74,7 +74,7 @@ def pytest_collection() -> Generator[None, object, object]:
 
 
 def started_in(test: str) -> list[int]:
-    """Return the numbers of the processes (except multiprocessing) that a test has started; empty without /proc."""
+    # Return the numbers of the processes (except multiprocessing) that a test has started; empty without /proc.
     marks = (f"PYTEST_CURRENT_TEST={test} (call)\0".encode(), f"EIMI_TESTS_OF={os.getpid()}\0".encode())
     processes = []
     for process in Path("/proc").glob("[0-9]*"):
@@ -87,7 +87,7 @@ def started_in(test: str) -> list[int]:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """After a failed test, kill the processes that the test left behind."""
+    # After a failed test, kill the processes that the test left behind.
     report = yield
     if report.failed:
         for process in started_in(item.nodeid):
@@ -98,7 +98,7 @@ def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestR
 
 @pytest.fixture(autouse=True)
 def log_as_before() -> Iterator[None]:
-    """After each test, restore the settings of the project's loggers."""
+    # After each test, restore the settings of the project's loggers.
     loggers = [
         logger
         for name, logger in logging.Logger.manager.loggerDict.items()
@@ -115,7 +115,7 @@ def log_as_before() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def measured() -> Path:
-    """The folder of measured data: `real_beam` (tracked points) and `tensile`; tests are skipped without it."""
+    # The folder of measured data: `real_beam` (tracked points) and `tensile`; tests are skipped without it.
     if not MEASURED.is_dir():
         pytest.skip("needs ../shared/data beside the checkout: measured data that are not ours to ship")
     return MEASURED

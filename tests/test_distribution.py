@@ -21,7 +21,7 @@ FOLDERS = {
 
 
 def folder_of(package: str) -> Path:
-    """Return the folder of a package, from the entries in pyproject.toml."""
+    # Return the folder of a package, from the entries in pyproject.toml.
     parents = [name for name in FOLDERS if f"{package}.".startswith(f"{name}.")]
     if not parents:
         return ROOT / package.replace(".", "/")

@@ -41,11 +41,9 @@ SHORTER = {
 
 @dataclass(frozen=True)
 class Block:
-    """A block of commands, or of the text of a file, on a page of the documentation.
-
-    note : text of the comment before the block
-    title : name of the file; empty for commands
-    """
+    # A block of commands, or of the text of a file, on a page of the documentation.
+    # note : text of the comment before the block
+    # title : name of the file; empty for commands
 
     note: str
     title: str
@@ -53,17 +51,15 @@ class Block:
 
 
 def blocks(page: Path) -> list[Block]:
-    """Return the blocks of commands and files on a page."""
+    # Return the blocks of commands and files on a page.
     matches = BLOCK.finditer(page.read_text(encoding="utf-8"))
     every = [(match["kind"], Block(match["note"] or "", match["title"] or "", match["text"])) for match in matches]
     return [block for kind, block in every if kind == "sh" or block.title]
 
 
 def follow(page: Path, folder: Path, shortened: bool) -> None:
-    """Run the commands of a page in a folder with its files.
-
-    shortened : whether short runs and fits replace those of the page
-    """
+    # Run the commands of a page in a folder with its files.
+    # shortened : whether short runs and fits replace those of the page
     for name in ("examples", "protocols", "benchmarks", "tests"):
         (folder / name).symlink_to(ROOT / name)
     if shortened:
@@ -93,7 +89,7 @@ def follow(page: Path, folder: Path, shortened: bool) -> None:
 
 
 def shorten(folder: Path) -> None:
-    """Write files for short runs: three load steps, a rig with a coarse mesh, and a specimen in plane stress."""
+    # Write files for short runs: three load steps, a rig with a coarse mesh, and a specimen in plane stress.
     protocols = ROOT / "protocols"
     protocol = (protocols / "dragon_skin_10_quick.toml").read_text(encoding="utf-8")
     protocol = re.sub(r"start_A = .*\nstop_A = .*\nstep_A = .*\n", "values_A = [0.0, 0.8, 1.5]\n", protocol, count=1)
@@ -108,7 +104,7 @@ def shorten(folder: Path) -> None:
 
 @pytest.fixture(scope="session")
 def begun(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder after the first tutorial in its short form."""
+    # The folder after the first tutorial in its short form.
     folder = tmp_path_factory.mktemp("first_beam")
     follow(DOCS / FIRST, folder, shortened=True)
     return folder

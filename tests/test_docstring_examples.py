@@ -17,7 +17,7 @@ PACKAGES = (eimi_drivers, eimi_fitting, eimi_lab)
 
 
 def modules_with_examples() -> list[str]:
-    """Return the names of the modules whose source contains the prompt ``>>>``."""
+    # Return the names of the modules whose source contains the prompt ``>>>``.
     names = []
     for package in PACKAGES:
         for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):

@@ -16,13 +16,13 @@ _ROW = re.compile(r"^(\w+(?:, \w+)*) {2,}\S", re.MULTILINE)
 
 
 def modules_of(folder: Path) -> set[str]:
-    """Return the names of the modules and packages directly in a folder."""
+    # Return the names of the modules and packages directly in a folder.
     modules = {path.stem for path in folder.glob("*.py") if not path.stem.startswith("__")}
     return modules | {path.parent.name for path in folder.glob("*/__init__.py")}
 
 
 def mapped_names(folder: Path) -> list[str]:
-    """Return the module names at the beginnings of lines in the docstring of a package."""
+    # Return the module names at the beginnings of lines in the docstring of a package.
     docstring = ast.get_docstring(ast.parse((folder / "__init__.py").read_text(encoding="utf-8"))) or ""
     return [name for row in _ROW.findall(docstring) for name in row.split(", ")]
 

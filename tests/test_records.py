@@ -30,7 +30,7 @@ BY_NAME = {
 
 
 def dataclasses_of_the_packages() -> Iterator[type]:
-    """Yield every dataclass that a module of the three packages defines."""
+    # Yield every dataclass that a module of the three packages defines.
     for package in (eimi_drivers, eimi_fitting, eimi_lab):
         for info in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
             if info.name.rpartition(".")[2] == "__main__":

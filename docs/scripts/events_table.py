@@ -24,10 +24,7 @@ def fields(kind: type[Any]) -> str:
 
 
 def tables() -> dict[str, str]:
-    """Return two tables as Markdown: "events" with all events, and "changes" with the fields of a `ShapeChange`.
-
-    The keys are the names by which the page marks the places of the tables.
-    """
+    """Return the tables for the page about the events of a run, as Markdown, by their names in the page."""
     rows = [f"| `{name}` | {fields(kind)} | {meaning(kind)} |" for name, kind in EVENTS.items()]
     change = f"| {fields(ShapeChange)} | {meaning(ShapeChange)} |"
     return {

@@ -316,15 +316,8 @@ def _how_off(event: OffConfirmed) -> str:
 
 
 def off_after(off: OffConfirmed | OffNotConfirmed | None, seconds: float) -> str:
-    """Return a sentence for the web page after a person pressed STOP and the coil was found to be off.
-
-    Parameters
-    ----------
-    off : OffConfirmed, OffNotConfirmed or None
-        The last event about the coil. OffConfirmed says how it was found, which the sentence repeats.
-    seconds : float
-        Time from STOP to the confirmation, s.
-    """
+    """Return a sentence for the web page: the coil is off, `seconds` after a person pressed STOP."""
+    # The event says how this was found out.
     how = f", {_how_off(off)}" if isinstance(off, OffConfirmed) else ""
     return f"the coil is off, confirmed after {seconds:.2f} s{how}"
 

@@ -34,7 +34,7 @@ Run = Callable[..., tuple[int, str]]
 
 @pytest.fixture
 def release(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A working directory with a copy of the files of the release."""
+    # A working directory with a copy of the files of the release.
     folder = shutil.copytree(RELEASE, tmp_path / "release")
     monkeypatch.chdir(folder)
     return folder
@@ -42,7 +42,7 @@ def release(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def eimi(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[[str], None]:
-    """Return a function that runs a command line in this process, and fails if the exit status is not 0."""
+    # Return a function that runs a command line in this process, and fails if the exit status is not 0.
     monkeypatch.setattr(cli, "unwind_on_termination", lambda: None)
 
     def run(line: str) -> None:
@@ -64,7 +64,7 @@ def test_the_calibration_of_a_release_has_the_same_hash() -> None:
 
 
 def leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield every number and text of a JSON value with its path of keys, such as ".fits.0.model"."""
+    # Yield every number and text of a JSON value with its path of keys, such as ".fits.0.model".
     if isinstance(value, dict | list):
         for key, inner in value.items() if isinstance(value, dict) else enumerate(value):
             yield from leaves(inner, f"{path}.{key}")
@@ -73,7 +73,7 @@ def leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def assert_same_numbers(now: Any, then: Any) -> None:
-    """Assert that `now` contains every number of `then` under the same keys."""
+    # Assert that `now` contains every number of `then` under the same keys.
     today = dict(leaves(now))
     for path, value in leaves(then):
         if isinstance(value, float) and not path.endswith("wall_s"):

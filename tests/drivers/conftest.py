@@ -51,8 +51,7 @@ def open_bench(link: str) -> AbstractContextManager[SupplyBench]:
 
 @pytest.fixture
 def conforms() -> Callable[[str, Check[SupplyBench]], None]:
-    """Return a function that runs one check on the driver of a link such as "korad over tcp"."""
-
+    # Return a function that runs one check on the driver of a link such as "korad over tcp".
     def run(link: str, check: Check[SupplyBench]) -> None:
         driver = link.partition(" ")[0]
         # A busy computer may be slow. The limit of 5 s is therefore checked in simulated time only.
@@ -65,40 +64,40 @@ def conforms() -> Callable[[str, Check[SupplyBench]], None]:
 
 @pytest.fixture(params=links(QUICK_LINKS))
 def link(request: pytest.FixtureRequest) -> str:
-    """Each driver with each connection to its emulated supply, as text such as "korad over tcp"."""
+    # Each driver with each connection to its emulated supply, as text such as "korad over tcp".
     return str(request.param)
 
 
 @pytest.fixture(params=links(QUICK_LINKS[-1:]))
 def waiting_link(request: pytest.FixtureRequest) -> str:
-    """A driver with its connection, such as "korad over tcp", for checks that wait for seconds."""
+    # A driver with its connection, such as "korad over tcp", for checks that wait for seconds.
     return str(request.param)
 
 
 @pytest.fixture
 def waiting_bench(waiting_link: str) -> Iterator[SupplyBench]:
-    """An open supply driver and its emulated supply, for checks that wait for seconds."""
+    # An open supply driver and its emulated supply, for checks that wait for seconds.
     with open_bench(waiting_link) as opened:
         yield opened
 
 
 @pytest.fixture
 def bench(link: str) -> Iterator[SupplyBench]:
-    """An open supply driver and its emulated supply, connected as `link` says."""
+    # An open supply driver and its emulated supply, connected as `link` says.
     with open_bench(link) as opened:
         yield opened
 
 
 @pytest.fixture(params=IN_PROCESS)
 def quick_bench(request: pytest.FixtureRequest) -> Iterator[SupplyBench]:
-    """Each supply driver, open, with its emulated supply in the same process and in simulated time."""
+    # Each supply driver, open, with its emulated supply in the same process and in simulated time.
     with open_bench(request.param) as opened:
         yield opened
 
 
 @pytest.fixture
 def bench_of() -> Iterator[Callable[[str], SupplyBench]]:
-    """Return a function that opens the driver and the emulated supply of a link such as "korad over tcp"."""
+    # Return a function that opens the driver and the emulated supply of a link such as "korad over tcp".
     with ExitStack() as stack:
         yield lambda link: stack.enter_context(open_bench(link))
 

@@ -24,12 +24,10 @@ LINE_ENDS = {
 
 
 def hold(conversation: Conversation, dialect: str, instrument: Responder, coil: CoilSupply) -> None:
-    """Send messages to an emulated supply one after the other, and assert that every answer is the expected one.
-
-    conversation : messages with answers, and events: SETTLE (wait for 5 s) or TRIP (a protection acts)
-    dialect : name of the driver
-    coil : model of the supply and its coil
-    """
+    # Send messages to an emulated supply one after the other, and assert that every answer is the expected one.
+    # conversation : messages with answers, and events: SETTLE (wait for 5 s) or TRIP (a protection acts)
+    # dialect : name of the driver
+    # coil : model of the supply and its coil
     end, answer_end = LINE_ENDS.get(dialect, ("\n", "\n"))
     for place, (message, answer) in enumerate(conversation):
         if message == SETTLE:
@@ -42,7 +40,7 @@ def hold(conversation: Conversation, dialect: str, instrument: Responder, coil: 
 
 
 class InPieces:
-    """An emulated supply that receives every message byte by byte, as a slow line delivers it."""
+    # An emulated supply that receives every message byte by byte, as a slow line delivers it.
 
     def __init__(self, instrument: Responder) -> None:
         self._instrument = instrument

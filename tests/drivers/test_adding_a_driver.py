@@ -21,7 +21,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "howto" / "add_a_supply.md"
 
 
 class BenchDialect:
-    """An emulated supply for the driver in docs/howto/add_a_supply.md."""
+    # An emulated supply for the driver in docs/howto/add_a_supply.md.
 
     def __init__(self, supply: CoilSupply) -> None:
         self.supply = supply
@@ -56,10 +56,8 @@ def blocks(language: str) -> list[str]:
 
 
 def install(folder: Path, group: str, points: dict[str, str]) -> None:
-    """Write the metadata of an installed package into a folder.
-
-    points : entry points (driver to class) in this group
-    """
+    # Write the metadata of an installed package into a folder.
+    # points : entry points (driver to class) in this group
     information = folder / "some_lab-1.0.dist-info"
     information.mkdir()
     (information / "METADATA").write_text("Metadata-Version: 2.1\nName: some-lab\nVersion: 1.0\n")
@@ -69,7 +67,7 @@ def install(folder: Path, group: str, points: dict[str, str]) -> None:
 
 @pytest.fixture
 def shown_driver(monkeypatch, tmp_path):
-    """Install the driver of the documentation as a package; return its name."""
+    # Install the driver of the documentation as a package; return its name.
     code = next(block for block in blocks("python") if "class BenchSupply" in block)
     table = next(block for block in blocks("toml") if "entry-points" in block)
     assert len([line for line in (code + table).splitlines() if line.strip()]) <= 40
@@ -112,7 +110,7 @@ def test_the_shown_check_passes_and_reports_a_faulty_driver(shown_driver, monkey
 
 
 class Nonsense:
-    """An emulated supply that answers every query with an empty line."""
+    # An emulated supply that answers every query with an empty line.
 
     def __init__(self, supply: CoilSupply) -> None:
         pass

@@ -28,14 +28,14 @@ GRAB_S = 20.0
 
 @pytest.fixture(scope="module")
 def alone() -> Iterator[None]:
-    """Lock the GigE camera until the end of this module."""
+    # Lock the GigE camera until the end of this module.
     with only_gige_camera():
         yield
 
 
 @pytest.fixture(scope="module")
 def still(alone: None) -> Iterator[CameraProcess]:
-    """An emulated camera with a ramp of grey values, which several tests share."""
+    # An emulated camera with a ramp of grey values, which several tests share.
     with gige_camera(ramp, serial_number="EIMI01", shutter="Rolling") as process:
         yield process
 

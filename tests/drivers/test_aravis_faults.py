@@ -28,7 +28,7 @@ GRAB_S = 20.0
 
 @pytest.fixture(scope="module")
 def alone() -> Iterator[None]:
-    """Lock the GigE camera until the end of this module."""
+    # Lock the GigE camera until the end of this module.
     with only_gige_camera():
         yield
 
@@ -45,7 +45,7 @@ _opened: list[AravisCamera] = []
 
 @pytest.fixture(autouse=True)
 def closed_at_the_end() -> Iterator[None]:
-    """Close all open cameras after a test."""
+    # Close all open cameras after a test.
     yield
     while _opened:
         _opened.pop().close()
@@ -53,7 +53,7 @@ def closed_at_the_end() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def kept(alone: None) -> Iterator[list[tuple[ExitStack, CameraProcess]]]:
-    """A list with the emulated camera that several tests share; empty before the first start."""
+    # A list with the emulated camera that several tests share; empty before the first start.
     holder: list[tuple[ExitStack, CameraProcess]] = []
     yield holder
     for stack, _ in holder:
@@ -62,7 +62,7 @@ def kept(alone: None) -> Iterator[list[tuple[ExitStack, CameraProcess]]]:
 
 @pytest.fixture
 def served(kept: list[tuple[ExitStack, CameraProcess]]) -> CameraProcess:
-    """The shared emulated camera, whose pixels contain the exposure number; restarted if it has ended."""
+    # The shared emulated camera, whose pixels contain the exposure number; restarted if it has ended.
     if not kept or not kept[0][1].alive:
         end(kept)
         stack = ExitStack()
@@ -74,7 +74,7 @@ def served(kept: list[tuple[ExitStack, CameraProcess]]) -> CameraProcess:
 
 @pytest.fixture
 def fresh(kept: list[tuple[ExitStack, CameraProcess]]) -> Iterator[CameraProcess]:
-    """A new emulated camera, which has not exposed a frame yet."""
+    # A new emulated camera, which has not exposed a frame yet.
     end(kept)
     with gige_camera(serial_number="EIMI01") as process:
         yield process
@@ -82,7 +82,7 @@ def fresh(kept: list[tuple[ExitStack, CameraProcess]]) -> Iterator[CameraProcess
 
 @pytest.fixture
 def none_served(kept: list[tuple[ExitStack, CameraProcess]]) -> None:
-    """End the shared emulated camera."""
+    # End the shared emulated camera.
     end(kept)
 
 
@@ -213,7 +213,7 @@ def test_an_aravis_camera_that_runs_freely_conforms(served: CameraProcess, check
 
 
 def slow() -> Callable[[], np.ndarray]:
-    """Return a function that needs half a second for a picture."""
+    # Return a function that needs half a second for a picture.
     picture = numbered()
 
     def slowly() -> np.ndarray:

@@ -57,7 +57,7 @@ class Library:
         self.waits_us: list[int] = []
 
     def named(self, name: str) -> list[tuple[Any, ...]]:
-        """Return the arguments of all calls of the function `name`."""
+        # Return the arguments of all calls of the function `name`.
         return [arguments for called, *arguments in self.calls if called == name]  # type: ignore[misc]
 
     def __getattr__(self, name: str) -> Callable[..., Any]:
@@ -112,7 +112,7 @@ class Library:
 
 
 class AtOnce:
-    """A replacement for the thread of camera calls: it makes each call at once, or never returns if `hangs`."""
+    # A replacement for the thread of camera calls: it makes each call at once, or never returns if `hangs`.
 
     hangs = False
 
@@ -145,7 +145,7 @@ def library(monkeypatch: pytest.MonkeyPatch) -> Library:
 
 
 def listed(library: Library, *cameras: tuple[bytes, bytes, bytes]) -> None:
-    """Let the library list cameras by identifier, serial number and address."""
+    # Let the library list cameras by identifier, serial number and address.
     library.answers |= {
         "get_n_devices": len(cameras),
         "get_device_id": lambda place: cameras[place][0],
@@ -428,7 +428,7 @@ def test_commands_are_made_one_after_the_other_in_a_thread_that_ends() -> None:
 
 
 class Features(Library):
-    """A replacement for the library with a camera whose settings can be written and read."""
+    # A replacement for the library with a camera whose settings can be written and read.
 
     def __init__(self) -> None:
         super().__init__(SimulatedClock())
@@ -456,7 +456,7 @@ class Features(Library):
             pointer._obj.value = number
 
     def written(self) -> list[tuple[Any, ...]]:
-        """Return the calls that change the camera, in their order."""
+        # Return the calls that change the camera, in their order.
         return [call for call in self.calls if "set" in call[0].split("_")]
 
 

@@ -15,10 +15,8 @@ from eimi_drivers.cameras.opencv import V4L2, V4L2_MANUAL_EXPOSURE
 
 
 class Calls:
-    """A replacement for an Aravis camera; it records the calls that set a value.
-
-    automatic : quantities with an automatic control, "exposure" or "gain"
-    """
+    # A replacement for an Aravis camera; it records the calls that set a value.
+    # automatic : quantities with an automatic control, "exposure" or "gain"
 
     def __init__(self, *automatic: str) -> None:
         self._automatic = automatic
@@ -70,7 +68,7 @@ def test_aravis_switches_automatic_controls_off(
 
 
 class Node:
-    """A camera setting that records new values in a log."""
+    # A camera setting that records new values in a log.
 
     def __init__(self, log: list[tuple[str, Any]], name: str, value: Any) -> None:
         self._log, self._name, self._value = log, name, value
@@ -87,7 +85,7 @@ class Node:
 
 
 class Nodes:
-    """Camera settings as attributes."""
+    # Camera settings as attributes.
 
     def __init__(self, **values: Any) -> None:
         self.log: list[tuple[str, Any]] = []
@@ -110,7 +108,7 @@ FEATURES = {
 
 
 def gentl(nodes: Nodes) -> GenTLCamera:
-    """Return a GenTL camera with the settings `nodes`."""
+    # Return a GenTL camera with the settings `nodes`.
     camera = object.__new__(GenTLCamera)
     camera._nodes = nodes
     camera._api = SimpleNamespace(is_readable=lambda node: True, AccessException=KeyError)

@@ -38,7 +38,7 @@ class Slow(TextLine):
 
 
 class LastValue(TextLine):
-    """A faulty sensor driver that returns the last value if the instrument does not answer."""
+    # A faulty sensor driver that returns the last value if the instrument does not answer.
 
     errors: tuple[type[Exception], ...] = (InstrumentTimeout,)
     last: SensorReading | None = None
@@ -62,7 +62,7 @@ class LastValueForGarbage(LastValue):
 
 
 class Offended(TextLine):
-    """A faulty sensor driver that reads no more values after one error."""
+    # A faulty sensor driver that reads no more values after one error.
 
     failed: Exception | None = None
 
@@ -77,7 +77,7 @@ class Offended(TextLine):
 
 
 class KeepsLateAnswers(TextLine):
-    """A faulty sensor driver that uses the late answer to one query as the answer to the next query."""
+    # A faulty sensor driver that uses the late answer to one query as the answer to the next query.
 
     late: SensorReading | None = None
 
@@ -94,13 +94,13 @@ class KeepsLateAnswers(TextLine):
 
 
 class Hasty(TextLine):
-    """A faulty sensor driver that waits only 0.1 s for an answer."""
+    # A faulty sensor driver that waits only 0.1 s for an answer.
 
     timeout_s = 0.1
 
 
 class RaisesAnything(TextLine):
-    """A faulty sensor driver that raises RuntimeError instead of an InstrumentError."""
+    # A faulty sensor driver that raises RuntimeError instead of an InstrumentError.
 
     def read(self) -> SensorReading:
         try:

@@ -16,7 +16,7 @@ Scpi: Any = SUPPLIES["scpi"]
 
 
 class GivesUpAfterTheFirst(Scpi):
-    """A faulty supply driver whose `safe_off` stops after its first message has failed."""
+    # A faulty supply driver whose `safe_off` stops after its first message has failed.
 
     def safe_off(self) -> Any:
         self.set_current(0.0)
@@ -34,7 +34,7 @@ class LeavesTheSetPoint(Scpi):
 
 
 class ClosesByTheOutput(Scpi):
-    """A faulty supply driver: its `close` switches the output off, but must leave it unchanged."""
+    # A faulty supply driver: its `close` switches the output off, but must leave it unchanged.
 
     def close(self) -> None:
         self._send_output(False)
@@ -42,7 +42,7 @@ class ClosesByTheOutput(Scpi):
 
 
 class LastReading(Scpi):
-    """A faulty supply driver that returns the last measured values if the supply does not answer."""
+    # A faulty supply driver that returns the last measured values if the supply does not answer.
 
     last: Reading | None = None
 

@@ -24,7 +24,7 @@ from tests.patience import PATIENCE_S
 
 @pytest.fixture(scope="module")
 def two_cameras():
-    """The serial numbers of two emulated cameras of pypylon."""
+    # The serial numbers of two emulated cameras of pypylon.
     before = os.environ.get("PYLON_CAMEMU")
     os.environ["PYLON_CAMEMU"] = "2"
     pytest.importorskip("pypylon.pylon", reason="needs pypylon: pip install 'eimi-lab[basler]'")

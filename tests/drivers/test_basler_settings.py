@@ -35,7 +35,7 @@ class OutOfRange(Unusable):
 
 
 class Node:
-    """A setting of a Basler camera, which accepts or ignores a new value."""
+    # A setting of a Basler camera, which accepts or ignores a new value.
 
     def __init__(self, value: Any, stuck: bool = False, readable: bool = True) -> None:
         self._value, self._stuck, self.readable = value, stuck, readable
@@ -52,7 +52,7 @@ class Node:
 
 
 class Result:
-    """The result of a grab in pypylon: a frame number, or None if no frame arrived in time."""
+    # The result of a grab in pypylon: a frame number, or None if no frame arrived in time.
 
     def __init__(self, number: int | None) -> None:
         self._number = number
@@ -86,10 +86,8 @@ class Result:
 
 
 class Device:
-    """A Basler camera with an exposure of 10 ms, which delivers one frame for each trigger.
-
-    late : whether the next frame arrives too late
-    """
+    # A Basler camera with an exposure of 10 ms, which delivers one frame for each trigger.
+    # late : whether the next frame arrives too late
 
     def __init__(self, stuck: str = "") -> None:
         defaults = {"ExposureTime": 1e4, "Gain": 0.0, "Gamma": 1.0, "PixelFormat": "Mono8"}
@@ -149,7 +147,7 @@ class Device:
 
 @pytest.fixture
 def device(monkeypatch: pytest.MonkeyPatch) -> Device:
-    """The only camera that the replacement for pypylon lists."""
+    # The only camera that the replacement for pypylon lists.
     camera = Device()
     camera.attached = [SimpleNamespace(GetSerialNumber=lambda: "4711")]
     camera.created = []

@@ -17,7 +17,7 @@ from eimi_drivers.testing import CAMERA_CHECKS, camera_checks, check_camera
 
 
 class Device:
-    """A simulated device for OpenCV, which delivers a frame every millisecond until it is stopped or unplugged."""
+    # A simulated device for OpenCV, which delivers a frame every millisecond until it is stopped or unplugged.
 
     frozen, unplugged = False, False
 
@@ -88,7 +88,7 @@ def test_a_basler_camera_conforms(monkeypatch, check):
 
 
 class Sloppy:
-    """A camera with one fault: it returns the same array for every frame."""
+    # A camera with one fault: it returns the same array for every frame.
 
     def __init__(self, source: str | int, settings: CameraSettings) -> None:
         if settings != CameraSettings():
@@ -114,14 +114,14 @@ class Sloppy:
 
 
 class Restarting(Sloppy):
-    """A camera whose frame numbers begin at 1 again after a flush."""
+    # A camera whose frame numbers begin at 1 again after a flush.
 
     def flush(self) -> None:
         self.number = 0
 
 
 class Unending(Sloppy):
-    """A camera whose `grab` does not return after `close`."""
+    # A camera whose `grab` does not return after `close`.
 
     def grab(self, timeout_s: float) -> Frame:
         if self.closed:
@@ -130,7 +130,7 @@ class Unending(Sloppy):
 
 
 class Colourful(Sloppy):
-    """A camera that returns colours as floating-point numbers."""
+    # A camera that returns colours as floating-point numbers.
 
     def grab(self, timeout_s: float) -> Frame:
         frame = super().grab(timeout_s)
@@ -138,14 +138,14 @@ class Colourful(Sloppy):
 
 
 class Crashing(Sloppy):
-    """A camera with a programming error in `identify`."""
+    # A camera with a programming error in `identify`.
 
     def identify(self) -> Identity:
         return self.nothing
 
 
 class Careless(Sloppy):
-    """A camera that ignores the requested settings."""
+    # A camera that ignores the requested settings.
 
     def __init__(self, source: str | int, settings: CameraSettings) -> None:
         super().__init__(source, CameraSettings())

@@ -29,7 +29,7 @@ STEADY_S = 50.0
 
 
 def energised(current_A: float = 0.8, voltage_V: float = 12.0, **options: Any) -> CoilSupply:
-    """Return a supply that has driven a constant current through a coil of 4 ohm for a long time."""
+    # Return a supply that has driven a constant current through a coil of 4 ohm for a long time.
     clock = SimulatedClock()
     coil = CoilSupply(clock, resistance_ohm=4.0, time_constant_s=0.5, **options)
     coil.bipolar = True

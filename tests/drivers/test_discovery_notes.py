@@ -26,11 +26,9 @@ CAMERA = Found("camera", "opencv", "0", "Webcam")
 
 @pytest.fixture
 def search(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Any]:
-    """Return a function that searches for instruments with prepared results.
-
-    Its keywords are parts of the search, such as `serial_ports`; the values are instruments, or an exception to raise.
-    """
-
+    # Return a function that searches for instruments with prepared results.
+    # Its keywords are parts of the search, such as `serial_ports`; the values are instruments, or an exception to
+    # raise.
     def run(**instruments: Any) -> Discovery:
         for name in ("serial_ports", "network", "cameras", "basler_cameras", "genicam_cameras", "gentl_cameras"):
             answer = instruments.get(name, ())

@@ -23,10 +23,8 @@ def methods(protocol: type) -> dict[str, Callable[..., Any]]:
 
 
 def made(kind: str, **members: Any) -> Any:
-    """Return a complete driver class of a kind (supply, camera or sensor), changed by `members`.
-
-    members : other attributes and methods; None: the member is absent
-    """
+    # Return a complete driver class of a kind (supply, camera or sensor), changed by `members`.
+    # members : other attributes and methods; None: the member is absent
     protocol, _, _, count = KINDS[kind]
     body: dict[str, Any] = dict(methods(protocol))
     body["__init__"] = {2: lambda self, a, b: None, 3: lambda self, a, b, c: None}[count]

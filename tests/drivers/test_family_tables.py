@@ -26,16 +26,14 @@ from eimi_drivers.supplies.transport import InProcessTransport
 
 @dataclass(frozen=True)
 class Family:
-    """The numbers in the manual of one family of supplies.
-
-    channels : lowest and highest channel
-    off_A : largest measured current of a supply that is off
-    line : speed (bit/s) and stop bits of the serial line
-    watchdog_s : time of the watchdog (automatic switch-off); None without a watchdog
-    steps : smallest steps of current (A) and voltage (V)
-    bipolar : whether the supply accepts negative currents
-    query_delay_s : time that the driver waits before an answer
-    """
+    # The numbers in the manual of one family of supplies.
+    # channels : lowest and highest channel
+    # off_A : largest measured current of a supply that is off
+    # line : speed (bit/s) and stop bits of the serial line
+    # watchdog_s : time of the watchdog (automatic switch-off); None without a watchdog
+    # steps : smallest steps of current (A) and voltage (V)
+    # bipolar : whether the supply accepts negative currents
+    # query_delay_s : time that the driver waits before an answer
 
     channels: tuple[int, int] = (1, 1)
     off_A: float = LEAST_OFF_A

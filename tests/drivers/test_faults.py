@@ -29,7 +29,7 @@ SWITCHED_OFF = {
 
 
 class ReopenedTransport(InProcessTransport):
-    """A connection that, once cut, fails until the driver reopens it."""
+    # A connection that, once cut, fails until the driver reopens it.
 
     def __init__(self, line: FaultyInstrument, clock: SimulatedClock) -> None:
         super().__init__(line, clock)
@@ -168,7 +168,7 @@ def eimi_emulate(*arguments: str) -> subprocess.Popen[str]:
 
 
 def line_with(emulator: subprocess.Popen[str], pattern: str) -> str:
-    """Read output up to the first line that matches `pattern`; return the first group of the match."""
+    # Read output up to the first line that matches `pattern`; return the first group of the match.
     assert emulator.stdout is not None
     for text in emulator.stdout:
         if match := re.search(pattern, text):

@@ -41,7 +41,7 @@ class VendorError(Exception):
 
 
 class Vendor:
-    """A supply driver of another package; methods whose names are in `fails` raise `error`."""
+    # A supply driver of another package; methods whose names are in `fails` raise `error`.
 
     fails = ""
     error: BaseException = VendorError("code 7\nsee the manual")
@@ -93,7 +93,7 @@ class Vendor:
 
 @pytest.fixture
 def vendor(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Register the driver `Vendor` for one test; return a function that sets its attributes."""
+    # Register the driver `Vendor` for one test; return a function that sets its attributes.
     SUPPLIES["vendor"] = Vendor
     yield lambda **values: [monkeypatch.setattr(Vendor, name, value) for name, value in values.items()]
     del SUPPLIES["vendor"]

@@ -33,8 +33,7 @@ Found = TypeVar("Found")
 
 
 def flipped(bit: int) -> Spoil:
-    """Return a function that flips one bit of a reply (`bit` modulo the length of the reply)."""
-
+    # Return a function that flips one bit of a reply (`bit` modulo the length of the reply).
     def spoil(reply: bytes) -> bytes:
         if not reply:
             return reply
@@ -77,7 +76,7 @@ SPOILS: st.SearchStrategy[Spoil] = st.one_of(
 
 @dataclass
 class FuzzedLine:
-    """A connection that damages the reply to every query by the functions in `spoils`, in turn."""
+    # A connection that damages the reply to every query by the functions in `spoils`, in turn.
 
     instrument: Responder
     spoils: list[Spoil]
@@ -95,7 +94,7 @@ class FuzzedLine:
 
 
 def number_in_reply(reply: bytes, driver: str) -> float:
-    """Return the number in a complete reply."""
+    # Return the number in a complete reply.
     end = b"\r" if driver == "genesys" else b"\n"
     text = reply[:5] if driver == "korad" else reply[: reply.index(end) + 1]
     clean = text.decode("ascii").strip("\0 \t\r\n")
@@ -106,13 +105,11 @@ def number_in_reply(reply: bytes, driver: str) -> float:
 
 
 def fuzz(driver: str, spoils: list[Spoil], milliamperes: int, locked: bool, figures: Counter[str]) -> None:
-    """Call every method of a driver on a connection with damaged replies, and check the results.
-
-    spoils : functions that damage the replies in turn
-    milliamperes : requested current
-    locked : whether the supply obeys no command
-    figures : counts replies and outcomes
-    """
+    # Call every method of a driver on a connection with damaged replies, and check the results.
+    # spoils : functions that damage the replies in turn
+    # milliamperes : requested current
+    # locked : whether the supply obeys no command
+    # figures : counts replies and outcomes
     clock = SimulatedClock()
     coil = CoilSupply(clock)
     line = FuzzedLine(emulate(driver, coil), spoils)
@@ -170,7 +167,7 @@ def fuzz(driver: str, spoils: list[Spoil], milliamperes: int, locked: bool, figu
 
 
 def run(driver: str, replies: int) -> Counter[str]:
-    """Call the methods of a driver until at least `replies` replies were damaged; return the number of each outcome."""
+    # Call the methods of a driver until at least `replies` replies were damaged; return the number of each outcome.
     figures: Counter[str] = Counter()
 
     @given(

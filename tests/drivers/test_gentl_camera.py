@@ -20,7 +20,7 @@ GRAB_S = 20.0
 
 @pytest.fixture
 def producer(monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The folder with the GenTL producer (the vendor's driver) of the package genicam."""
+    # The folder with the GenTL producer (the vendor's driver) of the package genicam.
     genicam = pytest.importorskip("genicam", reason="needs harvesters: pip install 'eimi-lab[gentl]'")
     folder = Path(genicam.__file__).parent
     if not list(folder.glob("*.cti")):

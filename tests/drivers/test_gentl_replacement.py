@@ -40,7 +40,7 @@ class ProducerError(Exception):
 
 
 class Node:
-    """A feature of a camera; `writing` receives the name and the value of each write."""
+    # A feature of a camera; `writing` receives the name and the value of each write.
 
     def __init__(self, value: Any, *symbolics: str, readable: bool = True, largest: float = 1e9) -> None:
         self._value, self.symbolics, self.readable, self.largest = value, symbolics, readable, largest
@@ -63,7 +63,7 @@ class Node:
 
 
 class Nodes:
-    """The features of a camera by name."""
+    # The features of a camera by name.
 
     def __init__(self, **features: Node) -> None:
         self.features = features

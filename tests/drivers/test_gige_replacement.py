@@ -27,7 +27,7 @@ PICTURE = np.arange(24, dtype=np.uint8).reshape(4, 6)
 
 
 class FakeAravis:
-    """A replacement for the library Aravis with one emulated camera; it records the calls."""
+    # A replacement for the library Aravis with one emulated camera; it records the calls.
 
     def __init__(self) -> None:
         self.calls: list[tuple[Any, ...]] = []
@@ -76,7 +76,7 @@ class FakeAravis:
         self.calls.append(("release", gobject))
 
     def exposed(self, code: int = 0x01080001) -> list[int]:
-        """Expose one picture in the pixel format with this code, and return the bytes of its data."""
+        # Expose one picture in the pixel format with this code, and return the bytes of its data.
         self.data[:] = [255] * 64
         self.fill(1, None, 0, 0, code)
         return list(self.data)
@@ -161,7 +161,7 @@ def test_the_control_port_is_that_of_gige_vision() -> None:
 
 
 class Line:
-    """One end of the connection between program and camera process, with the messages that arrive."""
+    # One end of the connection between program and camera process, with the messages that arrive.
 
     def __init__(self, *coming: Any) -> None:
         self.coming = list(coming)
@@ -187,7 +187,7 @@ class Line:
 
 
 class Process:
-    """A replacement for the camera process, which ends when it is joined, or never if `hangs`."""
+    # A replacement for the camera process, which ends when it is joined, or never if `hangs`.
 
     def __init__(self, hangs: bool = False, exitcode: int | None = None) -> None:
         self.hangs, self.exitcode = hangs, exitcode
@@ -281,7 +281,7 @@ def test_a_process_that_ended_is_reported_with_its_error_or_its_status() -> None
 
 @pytest.fixture
 def default_interrupt() -> Iterator[None]:
-    """Restore the handler of Ctrl-C after a test."""
+    # Restore the handler of Ctrl-C after a test.
     before = signal.getsignal(signal.SIGINT)
     yield
     signal.signal(signal.SIGINT, before)
@@ -289,7 +289,7 @@ def default_interrupt() -> Iterator[None]:
 
 @pytest.fixture
 def serving(monkeypatch: pytest.MonkeyPatch, default_interrupt: None) -> SimpleNamespace:
-    """Replace the function that serves an emulated camera, and return an object that records its arguments."""
+    # Replace the function that serves an emulated camera, and return an object that records its arguments.
     camera = SimpleNamespace(failure=None, lost=[], given=())
 
     @contextmanager
@@ -340,7 +340,7 @@ def test_the_process_of_a_camera_reports_why_it_cannot_begin(
 
 
 class Shared:
-    """A replacement for a shared library, with a function of every name that does nothing."""
+    # A replacement for a shared library, with a function of every name that does nothing.
 
     def __init__(self, **functions: Callable[..., Any]) -> None:
         self.__dict__ |= {name: Function(function) for name, function in functions.items()}

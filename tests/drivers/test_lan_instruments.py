@@ -43,15 +43,13 @@ TTI = announced(
 
 
 async def search_in_a_cell() -> tuple[LanInstrument, ...]:
-    """Search in a thread with a running event loop, as in a notebook."""
+    # Search in a thread with a running event loop, as in a notebook.
     return list_lan_instruments(interfaces=LOOPBACK)
 
 
 def announce_and_list(search: Search, deadline: float) -> tuple[LanInstrument, ...]:
-    """Announce an Aim-TTi supply on the loopback interface, and search until an instrument is listed.
-
-    deadline : end of the search (s, clock of `time.monotonic`)
-    """
+    # Announce an Aim-TTi supply on the loopback interface, and search until an instrument is listed.
+    # deadline : end of the search (s, clock of `time.monotonic`)
     with Zeroconf(interfaces=LOOPBACK) as network:
         network.register_service(TTI, allow_name_change=True)
         instruments = search()

@@ -180,7 +180,7 @@ def test_a_resource_that_refuses_the_first_transfer_is_closed(monkeypatch: pytes
 
 
 class ByAddress(SENSORS["text-line"]):  # type: ignore[misc]
-    """A sensor driver that opens its line by the address, as a driver of another package does."""
+    # A sensor driver that opens its line by the address, as a driver of another package does.
 
     connect = None
 

@@ -20,7 +20,7 @@ from eimi_drivers.supplies.visa import VisaTransport
 
 
 class Rounding(KoradDialect):
-    """An emulated supply that reports its set current with an error of `more_A`."""
+    # An emulated supply that reports its set current with an error of `more_A`.
 
     more_A = 0.0
 

@@ -20,7 +20,7 @@ from eimi_drivers.supplies.transport import SerialTransport, Transport
 
 
 class Line:
-    """A connection that returns prepared answers in turn, or raises an exception among them."""
+    # A connection that returns prepared answers in turn, or raises an exception among them.
 
     address = "/dev/ttyX"
 

@@ -23,7 +23,7 @@ from tests.patience import PATIENCE_S
 
 
 class Port:
-    """A serial port that returns prepared pieces of an answer, and records what is written."""
+    # A serial port that returns prepared pieces of an answer, and records what is written.
 
     def __init__(self, *pieces: bytes, unread: bytes = b"") -> None:
         self.pieces, self.unread = list(pieces), unread
@@ -55,7 +55,7 @@ class Port:
 
 @pytest.fixture
 def opened(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
-    """A list of the arguments with which serial ports are opened; no real port is opened."""
+    # A list of the arguments with which serial ports are opened; no real port is opened.
     calls: list[dict[str, Any]] = []
 
     def open_port(url: str, **settings: Any) -> Port:
@@ -248,7 +248,7 @@ def test_a_port_is_closed_before_it_is_reopened_and_a_pseudo_terminal_is_not(ope
 
 
 class Resource:
-    """A VISA resource that records its calls, and answers or raises an error as prepared."""
+    # A VISA resource that records its calls, and answers or raises an error as prepared.
 
     def __init__(self) -> None:
         self.timeout: float | None = None
@@ -279,7 +279,7 @@ def lost_error() -> Exception:
 
 @pytest.fixture
 def resources(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, int, Resource]]:
-    """Replace PyVISA; return a list of the opened resources: name, time limit (ms) and resource."""
+    # Replace PyVISA; return a list of the opened resources: name, time limit (ms) and resource.
     calls: list[tuple[str, int, Resource]] = []
 
     def open_resource(name: str, open_timeout: int) -> Resource:
@@ -380,7 +380,7 @@ def test_the_library_of_visa_is_chosen_by_the_environment(
 
 
 class Scripted:
-    """An emulated instrument that answers after a given time on its clock."""
+    # An emulated instrument that answers after a given time on its clock.
 
     def __init__(self, clock: SimulatedClock, answer: bytes, after_s: float = 0.0) -> None:
         self._clock, self._answer, self._after_s = clock, answer, after_s

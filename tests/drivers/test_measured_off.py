@@ -107,7 +107,7 @@ def test_the_current_is_measured_if_the_safe_off_of_a_driver_does_not_measure_it
 
 
 class Line(InProcessTransport):
-    """A connection that leads to another instrument after it was reopened."""
+    # A connection that leads to another instrument after it was reopened.
 
     def __init__(self, first, second, clock):
         super().__init__(first, clock)
@@ -119,7 +119,7 @@ class Line(InProcessTransport):
 
 
 class Cut:
-    """An emulated instrument whose connection is cut if `cut` is True."""
+    # An emulated instrument whose connection is cut if `cut` is True.
 
     cut = False
 

@@ -10,7 +10,7 @@ from eimi_drivers.cameras.aravis import AravisCamera
 
 
 def camera(gige: bool = True) -> AravisCamera:
-    """Return an Aravis camera without a frame yet: GigE, or else USB3."""
+    # Return an Aravis camera without a frame yet: GigE, or else USB3.
     made = object.__new__(AravisCamera)
     made._gige, made._last_id, made._number, made._counting = gige, None, 0, False
     made._incomplete, made.lost_frames = Counter(), Counter()

@@ -124,7 +124,7 @@ def test_the_error_for_an_unknown_name_lists_the_drivers():
 
 
 class FakeDevice:
-    """A simulated device for OpenCV; a read waits until the test exposes a frame or unplugs the device."""
+    # A simulated device for OpenCV; a read waits until the test exposes a frame or unplugs the device.
 
     def __init__(self, index: int) -> None:
         self._exposures = threading.Semaphore(0)
@@ -270,7 +270,7 @@ def test_a_grab_from_a_closed_camera_is_an_error(device):
 
 @pytest.fixture
 def bare_device(monkeypatch, tmp_path):
-    """A simulated device that the driver has not opened yet."""
+    # A simulated device that the driver has not opened yet.
     monkeypatch.setattr(opencv, "DEVICES", tmp_path)
     fake = FakeDevice(97)
     monkeypatch.setattr(cv2, "VideoCapture", lambda index: fake)

@@ -27,7 +27,7 @@ IMAGE = np.arange(48, dtype=np.uint8).reshape(6, 8)
 
 
 class Capture:
-    """A replacement for `cv2.VideoCapture` with `frames` frames, which records written properties."""
+    # A replacement for `cv2.VideoCapture` with `frames` frames, which records written properties.
 
     backend = "V4L2"
     is_open = True
@@ -66,7 +66,7 @@ class Capture:
 
 @pytest.fixture
 def opened(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., Any]:
-    """Return a function that opens a camera or a video file without a thread."""
+    # Return a function that opens a camera or a video file without a thread.
     monkeypatch.setattr(opencv, "DEVICES", tmp_path)
     monkeypatch.setattr(cv2, "VideoCapture", Capture)
 
@@ -242,7 +242,7 @@ def test_an_error_of_opencv_ends_the_frames_and_releases_the_device(
 
 
 class Slow:
-    """A camera device whose frames the test delivers one by one, without a thread."""
+    # A camera device whose frames the test delivers one by one, without a thread.
 
     def __init__(self) -> None:
         self.time_s = 0.0

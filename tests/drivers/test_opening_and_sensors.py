@@ -22,7 +22,7 @@ Scpi: Any = SUPPLIES["scpi"]
 
 
 class Line:
-    """A connection that counts how often it was closed."""
+    # A connection that counts how often it was closed.
 
     address = "here"
 
@@ -34,8 +34,7 @@ class Line:
 
 
 def failing(error: Exception, line: Line | None = None) -> Any:
-    """Return a driver that raises `error` when it is opened; `line` is its connection."""
-
+    # Return a driver that raises `error` when it is opened; `line` is its connection.
     def driver(*arguments: object) -> Any:
         raise error
 

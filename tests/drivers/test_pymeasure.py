@@ -32,7 +32,7 @@ UNREADABLE = (LookupError, NotImplementedError)
 
 
 def open_client(driver: str, address: str) -> Any:
-    """Return PyMeasure's instrument for a driver, connected to the emulated supply at `address`."""
+    # Return PyMeasure's instrument for a driver, connected to the emulated supply at `address`.
     module, name = CLIENTS[driver]
     kind = getattr(importlib.import_module(f"pymeasure.instruments.{module}"), name)
     lines = {"genesys": {"read_termination": "\r", "write_termination": "\r"}, "kepco-bop": {}}
@@ -44,7 +44,7 @@ def open_client(driver: str, address: str) -> Any:
 
 
 def property_values(client: Any) -> dict[str, object]:
-    """Return the values of all readable properties of a PyMeasure instrument by name."""
+    # Return the values of all readable properties of a PyMeasure instrument by name.
     answers = {}
     for name in dir(type(client)):
         if name in DEPRECATED or not isinstance(inspect.getattr_static(type(client), name), property):

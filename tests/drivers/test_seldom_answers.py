@@ -49,7 +49,7 @@ LIMITS = Limits(1.6, 12.0)
 
 
 def supply_with(driver: str, changed: dict[bytes, bytes]) -> tuple[Any, CoilSupply]:
-    """Return a driver and its emulated supply, some of whose messages have other answers."""
+    # Return a driver and its emulated supply, some of whose messages have other answers.
     coil = CoilSupply(SimulatedClock())
     line = emulate(driver, coil)
     answers = line.receive
@@ -126,7 +126,7 @@ def test_each_answer_that_is_garbled_is_named_with_its_query(driver: str) -> Non
 
 
 def test_a_korad_gets_a_message_each_0_08_s() -> None:
-    """The supply ignores messages that follow too soon; the driver waits 80 ms after each message."""
+    # The supply ignores messages that follow too soon; the driver waits 80 ms after each message.
     coil = CoilSupply(SimulatedClock())
     link = InProcessTransport(KoradDialect(coil), coil.clock)
     supply = SUPPLIES["korad"](link, LIMITS, coil.clock)
@@ -160,7 +160,7 @@ def test_a_supply_without_a_serial_number_is_not_confirmed_after_a_lost_line(ser
 
 
 class Line:
-    """A line on which each query has a prepared answer; the rest of an answer is lost with the next query."""
+    # A line on which each query has a prepared answer; the rest of an answer is lost with the next query.
 
     address = "COM7"
 
@@ -226,7 +226,7 @@ def test_an_answer_of_a_sensor_that_is_not_understood_is_named(
     ],
 )
 def test_the_field_is_converted_to_mT(driver: str, answers: dict[str, bytes], value: float) -> None:
-    """1 G and 1 Oe are 0.1 mT, 1 T is 1000 mT, and 1 A/m in air is 4 pi 1e-4 mT."""
+    # 1 G and 1 Oe are 0.1 mT, 1 T is 1000 mT, and 1 A/m in air is 4 pi 1e-4 mT.
     clock = SimulatedClock(5.0)
     reading = SENSORS[driver](Line(**answers), clock).read()  # type: ignore[call-arg]
     assert (reading.value, reading.unit, reading.time_s) == (pytest.approx(value), "mT", 5.0)
@@ -264,7 +264,7 @@ def test_a_board_may_be_silent_twice_while_it_starts() -> None:
 
 
 def thermometer(*readings: tuple[float, float]) -> tuple[CoilThermometer, SimulatedClock]:
-    """Return a thermometer of a coil, whose supply measures the given voltages (V) and currents (A)."""
+    # Return a thermometer of a coil, whose supply measures the given voltages (V) and currents (A).
     clock = SimulatedClock()
     measured = iter(readings)
     coil = CoilThermometer(lambda: Reading(*reversed(next(measured))), clock, at_rest_degC=20.0, at_rest_A=0.5)

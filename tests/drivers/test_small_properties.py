@@ -53,7 +53,7 @@ TextLine: Any = SENSORS["text-line"]
 
 
 class Status:
-    """An emulated Korad that reports the status byte `byte`."""
+    # An emulated Korad that reports the status byte `byte`.
 
     byte = 0
 
@@ -180,7 +180,7 @@ def test_a_bit4886_sets_a_current_in_current_mode_only() -> None:
 
 
 class ReopensWhenRead(TextLine):
-    """A faulty sensor driver: `read` opens its line again, and `close` fails on a closed line."""
+    # A faulty sensor driver: `read` opens its line again, and `close` fails on a closed line.
 
     is_closed = False
 
@@ -252,7 +252,7 @@ def test_a_session_serves_first_at_the_requested_port_and_then_at_a_free_port(mo
 
 
 class Constant:
-    """An instrument with one answer to every message; an empty answer ends the connection."""
+    # An instrument with one answer to every message; an empty answer ends the connection.
 
     def __init__(self, answer: bytes) -> None:
         self._answer = answer

@@ -124,7 +124,7 @@ def test_every_row_has_a_case() -> None:
 
 
 def answering(bench: Any, question: bytes, answer: bytes) -> None:
-    """Replace the emulated instrument's answer to one query."""
+    # Replace the emulated instrument's answer to one query.
     usual = bench.line.receive
     bench.line.receive = lambda data: answer if data == question else usual(data)
 
@@ -148,10 +148,8 @@ def test_every_refusal_of_a_genesys_is_an_error_in_words(bench_of: Any, code: st
 
 
 def question_of(register: tuple[str, int]) -> bytes:
-    """Return the message with which a driver asks for a status register.
-
-    register : name of the driver, and index of the register in its list
-    """
+    # Return the message with which a driver asks for a status register.
+    # register : name of the driver, and index of the register in its list
     driver, place = register
     (profile,) = (p for p in PROFILES if p.driver == driver)
     return profile.registers[place].question.format(channel=1).encode() + b"\n"
@@ -254,7 +252,7 @@ def test_positive_and_negative_numbers_of_scpi_errors_are_errors(bench_of: Any, 
 
 
 def tti(series: str) -> Any:
-    """Return a context with the open driver of an emulated Aim-TTi supply of this series."""
+    # Return a context with the open driver of an emulated Aim-TTi supply of this series.
     return supply_bench(SUPPLIES["aim-tti"], lambda coil: AimTtiDialect(coil, model=TTI_MODELS[series]))
 
 

@@ -134,7 +134,7 @@ def test_a_set_point_is_not_one_step_too_low_because_of_binary_fractions(quick_b
 
 
 class Babbler:
-    """An emulated instrument that returns prepared answers, whatever the messages are."""
+    # An emulated instrument that returns prepared answers, whatever the messages are.
 
     def __init__(self, answers: list[bytes]) -> None:
         self._answers = answers
@@ -190,7 +190,7 @@ def test_an_endless_error_queue_does_not_block_the_driver():
 
 
 class SlowFirmware(KoradDialect):
-    """An emulated supply that reports a new set current only after 0.45 s."""
+    # An emulated supply that reports a new set current only after 0.45 s.
 
     def __init__(self, supply: CoilSupply) -> None:
         super().__init__(supply)

@@ -33,10 +33,8 @@ LIMITS = Limits(1.0, 12.0)
 
 
 class Timed:
-    """A connection that records each message with its time.
-
-    answer, error : what a read returns or raises; without both, the read times out
-    """
+    # A connection that records each message with its time.
+    # answer, error : what a read returns or raises; without both, the read times out
 
     def __init__(self, clock: SimulatedClock, answer: bytes = b"") -> None:
         self.address = "somewhere"
@@ -148,10 +146,8 @@ def test_a_set_point_that_never_reads_back_is_an_error_within_5_s(driver: str) -
 
 @pytest.fixture
 def session(monkeypatch: pytest.MonkeyPatch) -> tuple[EmulatedSession, CoilSupply, list[str]]:
-    """An emulated supply in simulated time: the object that serves it, the supply, and the printed lines.
-
-    Its measured current gets an offset 3 s after a current has begun to flow.
-    """
+    # An emulated supply in simulated time: the object that serves it, the supply, and the printed lines.
+    # Its measured current gets an offset 3 s after a current has begun to flow.
     clock = SimulatedClock()
     monkeypatch.setattr(supply_session, "WallClock", lambda: clock)
     coil = CoilSupply(clock)
@@ -253,7 +249,7 @@ def test_the_true_current_is_reported_when_it_changes(
 
 
 class Producer:
-    """A GenTL camera that delivers frames with the given numbers; None ends a wait without a frame."""
+    # A GenTL camera that delivers frames with the given numbers; None ends a wait without a frame.
 
     def __init__(self, settings: CameraSettings, *numbers: int | None) -> None:
         self.waiting = list(numbers)

@@ -17,7 +17,7 @@ from tests.patience import PATIENCE_S
 
 
 class StubbornCamera:
-    """A camera whose method `stuck` waits for the event `release`."""
+    # A camera whose method `stuck` waits for the event `release`.
 
     settings = NO_SETTINGS
 

@@ -14,7 +14,7 @@ from eimi_drivers.supplies.address import usb_serial_number
 
 @pytest.fixture
 def by_id(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The path of a link to the serial port /dev/ttyACM7, whose name contains the serial number A1."""
+    # The path of a link to the serial port /dev/ttyACM7, whose name contains the serial number A1.
     ports = [
         SimpleNamespace(device="/dev/ttyACM7", serial_number="A1"),
         SimpleNamespace(device="/dev/ttyACM8", serial_number="B2"),

@@ -34,7 +34,7 @@ Kepco: Any = SUPPLIES["kepco-bop"]
 
 
 def supply(base: Any = Scpi, **members: Any) -> type:
-    """Return a driver class with methods or attributes replaced by `members`."""
+    # Return a driver class with methods or attributes replaced by `members`.
     return type("Replaced", (base,), members)
 
 
@@ -89,8 +89,7 @@ def accepts_negative(self: Any, current_A: float) -> None:
 
 
 def complains_while(on: bool) -> Callable[..., None]:
-    """Return a faulty method `check`, which raises an error while the output is on (or off, if not `on`)."""
-
+    # Return a faulty method `check`, which raises an error while the output is on (or off, if not `on`).
     def check(self: Any) -> None:
         Scpi.check(self)
         if self.output_on() is on:
@@ -313,7 +312,7 @@ def test_the_broken_requirement_of_a_supply_is_named(name: str, driver: Any, wor
 
 
 class Good:
-    """A camera that fulfils every requirement."""
+    # A camera that fulfils every requirement.
 
     def __init__(self, source: str | int, settings: CameraSettings) -> None:
         if source == "absent":

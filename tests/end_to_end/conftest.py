@@ -33,7 +33,7 @@ Done = Callable[..., list[str]]
 
 
 class Ended(NamedTuple):
-    """The exit status of a command, and its outputs on stdout and stderr."""
+    # The exit status of a command, and its outputs on stdout and stderr.
 
     status: int
     stdout: str
@@ -42,8 +42,7 @@ class Ended(NamedTuple):
 
 @pytest.fixture(scope="session")
 def eimi() -> Callable[..., Ended]:
-    """Return a function that runs an `eimi` command in a folder, and returns exit status and outputs."""
-
+    # Return a function that runs an `eimi` command in a folder, and returns exit status and outputs.
     def eimi(*arguments: str | Path, folder: Path) -> Ended:
         out, err = io.StringIO(), io.StringIO()
         with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):
@@ -59,8 +58,7 @@ def eimi() -> Callable[..., Ended]:
 
 @pytest.fixture(scope="session")
 def done(eimi: Callable[..., Ended]) -> Callable[..., list[str]]:
-    """Return a function that runs a command, which must succeed, and returns its printed lines."""
-
+    # Return a function that runs a command, which must succeed, and returns its printed lines.
     def done(*arguments: str | Path, folder: Path) -> list[str]:
         ended = eimi(*arguments, folder=folder)
         assert ended.status == 0, ended.stderr
@@ -70,10 +68,8 @@ def done(eimi: Callable[..., Ended]) -> Callable[..., list[str]]:
 
 
 def track_points(done: Done, folder: Path, name: str, forces_N: list[float], modulus_Pa: float) -> None:
-    """Import tracked points of a neo-Hookean beam under tip forces (N) as the dataset `name`.h5.
-
-    modulus_Pa : shear modulus
-    """
+    # Import tracked points of a neo-Hookean beam under tip forces (N) as the dataset `name`.h5.
+    # modulus_Pa : shear modulus
     model = BeamModel(Specimen(30.0, 3.0, 10.0, 1070.0, "plane-stress")).refined().halved()
     loads = Loads.along([0.0] * len(forces_N), 90.0, 90.0, forces_N)
     shapes = model.solve(LAWS["neo-hookean"], np.array([[modulus_Pa]]), loads)
@@ -94,7 +90,7 @@ def track_points(done: Done, folder: Path, name: str, forces_N: list[float], mod
 
 @pytest.fixture(scope="module")
 def folder(done: Done, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with two datasets of one beam, a fit of the first, and tensile fits of a stiffer material."""
+    # A folder with two datasets of one beam, a fit of the first, and tensile fits of a stiffer material.
     folder = tmp_path_factory.mktemp("validate")
     track_points(done, folder, "train", [0.0, 0.001, 0.002], 46e3)
     track_points(done, folder, "unseen", [0.0005, 0.0015, 0.003], 46e3)

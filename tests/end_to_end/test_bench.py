@@ -28,13 +28,13 @@ pytestmark = needs_aravis
 
 
 def commands() -> list[str]:
-    """Return the commands of the how-to: serve the bench, measure, fit."""
+    # Return the commands of the how-to: serve the bench, measure, fit.
     return re.findall(r"```sh\n(.*?)```", HOWTO.read_text(encoding="utf-8"), re.S)
 
 
 @contextmanager
 def bench_served(command: str, folder: Path) -> Iterator[subprocess.Popen[str]]:
-    """Run the command that serves a bench, yield when the bench is ready, and end it with Ctrl-C."""
+    # Run the command that serves a bench, yield when the bench is ready, and end it with Ctrl-C.
     with (
         only_gige_camera(),
         subprocess.Popen(

@@ -31,10 +31,8 @@ def moduli(fits: Path) -> dict[str, float]:
 
 
 def rig_of(folder: Path, model: str, parameters: str) -> Path:
-    """Write a copy of the virtual rig with another material, and return its path.
-
-    model, parameters : law, and its parameters as TOML
-    """
+    # Write a copy of the virtual rig with another material, and return its path.
+    # model, parameters : law, and its parameters as TOML
     for file in VIRTUAL.glob("virtual*.toml"):
         shutil.copy(file, folder)
     materials = f'[silicone."Dragon Skin 10"]\nmodel = "{model}"\nparameters = {{ {parameters} }}\n'
@@ -44,7 +42,7 @@ def rig_of(folder: Path, model: str, parameters: str) -> Path:
 
 @pytest.fixture(scope="module")
 def demonstration(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
-    """The folder of a quick demonstration (`eimi demo`), and its output."""
+    # The folder of a quick demonstration (`eimi demo`), and its output.
     folder = tmp_path_factory.mktemp("demonstration")
     command = [sys.executable, "-m", "eimi_lab", "demo", "--quick", "-o", "demo"]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=PATIENCE_S)

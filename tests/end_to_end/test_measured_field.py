@@ -56,10 +56,8 @@ timeout_s = 30.0
 
 
 def write_bench(folder: Path, sensors: str) -> None:
-    """Write a virtual rig whose true magnetic field differs from its calibration.
-
-    sensors : sensors of the rig as TOML
-    """
+    # Write a virtual rig whose true magnetic field differs from its calibration.
+    # sensors : sensors of the rig as TOML
     rig = locate("virtual", "rigs").read_text().replace("mesh = [26, 3, 1]", "mesh = [10, 2, 1]") + sensors
     (folder / "rig.toml").write_text(rig)
     (folder / "virtual_calibration.toml").write_text(locate("virtual_calibration", "rigs").read_text())
@@ -69,7 +67,7 @@ def write_bench(folder: Path, sensors: str) -> None:
 
 
 def modulus_Pa(folder: Path) -> float:
-    """Return the initial shear modulus (Pa) of the fit in a folder."""
+    # Return the initial shear modulus (Pa) of the fit in a folder.
     (fit,) = json.loads((folder / "fits.json").read_text())["fits"]
     return float(fit["initial_shear_modulus"]["value"])
 

@@ -18,7 +18,7 @@ MARGIN = 15 / 297  # height of the margin at the top and at the bottom of an A4 
 
 
 def used_share(sheet: Path) -> float:
-    """Return the used share of the height of a page, from the upper margin to the lowest text or line."""
+    # Return the used share of the height of a page, from the upper margin to the lowest text or line.
     dark = cv2.imread(str(sheet), cv2.IMREAD_GRAYSCALE) < 250
     lowest = float(np.flatnonzero(dark.any(axis=1)).max(initial=0)) / len(dark)
     return (lowest - MARGIN) / (1 - 2 * MARGIN)

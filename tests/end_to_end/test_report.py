@@ -65,7 +65,7 @@ def test_a_report_shows_tensile_fits_beside_bending_fits(done: Done, folder: Pat
 
 
 class Copying(ThreadPoolExecutor):
-    """An executor that pickles arguments and results, as worker processes do."""
+    # An executor that pickles arguments and results, as worker processes do.
 
     def submit(self, function: Callable[..., Any], /, *arguments: Any, **options: Any) -> Future[Any]:
         copy = pickle.loads(pickle.dumps((arguments, options)))
@@ -155,7 +155,7 @@ def test_a_report_starts_one_worker_for_each_dataset_unless_the_option_says_othe
 
 
 class WellFormed(HTMLParser):
-    """A parser of an HTML page that asserts closed elements, unique ids and `alt` texts, and collects `text`."""
+    # A parser of an HTML page that asserts closed elements, unique ids and `alt` texts, and collects `text`.
 
     VOID = frozenset({"meta", "img", "br"})
 

@@ -21,7 +21,7 @@ RED, WALL = np.array([50.0, 45.0, 205.0]), np.array([185.0, 200.0, 210.0])  # bl
 
 
 def film(folder: Path) -> float:
-    """Write run.mp4 of a red beam in four fields, and states.csv; return the hidden modulus (Pa)."""
+    # Write run.mp4 of a red beam in four fields, and states.csv; return the hidden modulus (Pa).
     supply, camera, clock, truth = open_virtual_rig(load_rig("virtual"), load_specimen("type1"))
     supply.set_voltage(12.0)
     supply.set_output(True)

@@ -18,7 +18,7 @@ MU_PA = 46e3
 
 @dataclass(frozen=True)
 class TipMoment:
-    """A moment (N mm) on the magnet about the depth axis, one value for each load step."""
+    # A moment (N mm) on the magnet about the depth axis, one value for each load step.
 
     moment_N_mm: np.ndarray
 
@@ -35,10 +35,8 @@ class TipMoment:
 
 @dataclass(frozen=True)
 class GradientForce:
-    """The force of a field gradient on a magnetic dipole.
-
-    numbers : derivatives of the field along x and y in T/mm, shape (K, 2) for K load steps
-    """
+    # The force of a field gradient on a magnetic dipole.
+    # numbers : derivatives of the field along x and y in T/mm, shape (K, 2) for K load steps
 
     numbers: np.ndarray
 

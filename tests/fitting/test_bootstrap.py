@@ -15,7 +15,7 @@ STATES = 8
 
 
 def experiments() -> list[Experiment]:
-    """Return two experiments, with edges and with tracked points; each coordinate is the index of its load step."""
+    # Return two experiments, with edges and with tracked points; each coordinate is the index of its load step.
     number = np.arange(float(STATES))
     loads = Loads.along(number, 90.0, 0.0, 1e-3 * number)
     model = BeamModel(Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", None))

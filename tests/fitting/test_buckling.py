@@ -28,7 +28,7 @@ MAGNETS = {
 
 
 def bending_N_mm2(specimen: Specimen) -> float:
-    """Return the bending stiffness (N mm²) of a neo-Hookean beam: 3 mu I in plane stress, 4 mu I in plane strain."""
+    # Return the bending stiffness (N mm²) of a neo-Hookean beam: 3 mu I in plane stress, 4 mu I in plane strain.
     stiffness = 4 if specimen.section == "plane-strain" else 3
     return stiffness * 1e-6 * MU_PA * specimen.depth_mm * specimen.width_mm**3 / 12
 
@@ -101,7 +101,7 @@ def test_buckling_is_detected_when_all_states_are_solved_at_once():
 
 
 def upright() -> Experiment:
-    """Return a simulated experiment with an upright beam of 46 kPa in two load steps."""
+    # Return a simulated experiment with an upright beam of 46 kPa in two load steps.
     specimen = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-stress", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0))
     model, loads = BeamModel(specimen, 8), Loads.along([0.0, 6.0], gravity_angle_deg=180.0)
     left, right = points_on(edge_curves(model, model.solve(NEO, [[46e3]], loads))[0], 1)[:, :, 1:-1].swapaxes(0, 1)

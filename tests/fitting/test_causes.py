@@ -51,15 +51,13 @@ def fit_of(
     is_rest_measured: bool = False,
     last: int | None = -2,
 ) -> Fit:
-    """Return a fit that assumes the usual beam and camera, to simulated edges of a different beam or camera.
-
-    specimen, loads, setup : true beam, loads and errors of the camera
-    stiffness : true stiffness relative to the usual one, for all load steps or for each
-    stated : standard uncertainties in the files
-    seen : function from true positions to positions in the picture
-    is_rest_measured : whether the fit uses the measured shape without a field
-    last : last point used on each edge; None for all points
-    """
+    # Return a fit that assumes the usual beam and camera, to simulated edges of a different beam or camera.
+    # specimen, loads, setup : true beam, loads and errors of the camera
+    # stiffness : true stiffness relative to the usual one, for all load steps or for each
+    # stated : standard uncertainties in the files
+    # seen : function from true positions to positions in the picture
+    # is_rest_measured : whether the fit uses the measured shape without a field
+    # last : last point used on each edge; None for all points
     model = BeamModel(specimen, 40, 4)
     moduli = np.unique(TRUTH_PA * np.broadcast_to(stiffness, len(loads)))
     shapes = model.solve(LAWS["neo-hookean"], moduli[:, None], loads)

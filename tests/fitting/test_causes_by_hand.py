@@ -23,7 +23,7 @@ MEANS = np.array([[0.01, 0.0, 0.0, 0.0], [0.02, 0.3, -0.4, 0.0], [-0.03, 0.0, 0.
 
 
 class Weighing:
-    """A replacement for the comparison of sets of two bench errors, a shift and a width."""
+    # A replacement for the comparison of sets of two bench errors, a shift and a width.
 
     def __init__(self, probability: list[float], uncertain: bool, stated: float) -> None:
         self.probability, self.stated = np.array(probability), stated
@@ -169,7 +169,7 @@ def test_without_an_equilibrium_or_an_effect_no_cause_is_weighed(monkeypatch: py
 
 
 class Inputs:
-    """A replacement for the comparison of sets, in which the residuals show that an input differs."""
+    # A replacement for the comparison of sets, in which the residuals show that an input differs.
 
     blocks = ((1, 2), (3,))
     hypotheses = ((), (1,))

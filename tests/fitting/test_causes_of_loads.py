@@ -31,7 +31,7 @@ def changed(name: str, *amplitudes: float, loads: Loads = LOADS) -> Loads:
 
 
 class SimpleExperiment:
-    """A replacement for an experiment, with the attribute `loads` only."""
+    # A replacement for an experiment, with the attribute `loads` only.
 
     def __init__(self, loads: Loads) -> None:
         self.loads = loads
@@ -46,8 +46,7 @@ class Loaded:
 
 @pytest.fixture(autouse=True)
 def simple(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let the tested module accept the replacements `SimpleExperiment` and `Loaded`."""
-
+    # Let the tested module accept the replacements `SimpleExperiment` and `Loaded`.
     def replaced(one: Any, **new: Any) -> Any:
         if isinstance(one, SimpleExperiment | Loaded):
             return type(one)(*new.values())
@@ -110,10 +109,8 @@ def test_another_law_has_the_same_initial_modulus_and_two_more_terms(law: str, p
     invariant = stretch**2 + 2 / stretch
 
     def added(quadratic: float, second: float) -> np.ndarray:
-        """Return the engineering stress 2 (l - l^-2) (dW/dI1 + dW/dI2 / l) of two additional terms of the law.
-
-        l: stretch; W: energy of both terms; quadratic, second: their factors of (I1 - 3)² and I2.
-        """
+        # Return the engineering stress 2 (l - l^-2) (dW/dI1 + dW/dI2 / l) of two additional terms of the law.
+        # l: stretch; W: energy of both terms; quadratic, second: their factors of (I1 - 3)² and I2.
         by_first = 2 * quadratic * (invariant - 3) - 0.5 * second
         return 2 * modulus * (stretch - stretch**-2) * (by_first + 0.5 * second / stretch)
 

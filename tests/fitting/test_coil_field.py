@@ -32,15 +32,13 @@ LAW, MODULUS_PA = LAWS["neo-hookean"], np.array([[46e3]])
 
 
 def helmholtz(radius_mm: float, centre_mm: tuple[float, float] = (28.0, 0.0)) -> CoilShape:
-    """Return the field of a Helmholtz coil whose axis lies across the beam (radius and centre in mm)."""
+    # Return the field of a Helmholtz coil whose axis lies across the beam (radius and centre in mm).
     return CoilShape(ACROSS, table=FieldTable.of_loops(radius_mm, radius_mm, centre_mm, ACROSS, 34.0))
 
 
 def field_at(shape: CoilShape, points_mm: np.ndarray, rest_mm: tuple[float, float] = (28.0, 0.0)) -> np.ndarray:
-    """Return the field (x, y) at n points in mm, shape (n, 2), relative to the field at the magnet at rest.
-
-    rest_mm : position of the magnet at rest
-    """
+    # Return the field (x, y) at n points in mm, shape (n, 2), relative to the field at the magnet at rest.
+    # rest_mm : position of the magnet at rest
     field = 1j * shape.ratio(np.asarray(points_mm, float), np.array(rest_mm))[0]
     return np.stack([field.real, field.imag], axis=1)
 
@@ -176,7 +174,7 @@ def test_a_coil_that_passes_through_the_beam_is_refused():
 
 
 def modulus_of(assumed: Loads, hidden: Loads, *stated: StatedSource) -> Estimate:
-    """Return the modulus of a fit that assumes the loads `assumed` for a beam under the loads `hidden`."""
+    # Return the modulus of a fit that assumes the loads `assumed` for a beam under the loads `hidden`.
     model = BeamModel(BEAM, 26, 2)
     sides = points_on(edge_curves(model, model.solve(LAW, MODULUS_PA, hidden))[0], 2)[:, :, 1:-1]
     noisy = sides + np.random.default_rng(1).normal(0, 1e-3, sides.shape)

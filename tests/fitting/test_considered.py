@@ -35,10 +35,8 @@ def noisy_edges(
     law: str = "neo-hookean",
     parameters: tuple[float, ...] = (TRUTH_PA,),
 ) -> EdgeObservation:
-    """Return the simulated noisy edges of a beam; by default neo-Hookean with a modulus of 46 kPa.
-
-    scale : factor on all coordinates, as from a wrong scale of the camera
-    """
+    # Return the simulated noisy edges of a beam; by default neo-Hookean with a modulus of 46 kPa.
+    # scale : factor on all coordinates, as from a wrong scale of the camera
     model = BeamModel(beam, 26, 2)
     shapes = model.solve(LAWS[law], np.array([parameters]), loads)
     sides = scale * points_on(edge_curves(model, shapes)[0], 2)[:, :, 1:-1]
@@ -48,10 +46,8 @@ def noisy_edges(
 
 
 def experiment(observed: EdgeObservation, beam: Specimen = BEAM, **stated: float) -> Experiment:
-    """Return an experiment with the measured edges and the dimensions of `beam`.
-
-    stated : standard uncertainties of the inputs, by name
-    """
+    # Return an experiment with the measured edges and the dimensions of `beam`.
+    # stated : standard uncertainties of the inputs, by name
     stated_sources = tuple(
         StatedSource(source.replace("_", "-"), size, "specimen 1") for source, size in stated.items()
     )
@@ -59,12 +55,12 @@ def experiment(observed: EdgeObservation, beam: Specimen = BEAM, **stated: float
 
 
 def fitted(*experiments: Experiment, free: tuple[NuisancePrior, ...] = ()) -> Estimate:
-    """Return the result of a neo-Hookean fit to these experiments, which starts near the optimum."""
+    # Return the result of a neo-Hookean fit to these experiments, which starts near the optimum.
     return estimated("neo-hookean", *experiments, free=free)
 
 
 def estimated(law: str, *seen_so: Experiment, free: tuple[NuisancePrior, ...] = ()) -> Estimate:
-    """Return the result of a fit that starts at a modulus 10 % too large; `law` is the law of the material."""
+    # Return the result of a fit that starts at a modulus 10 % too large; `law` is the law of the material.
     return refined(law, seen_so, 1.1 * TRUTH_PA, free=free).estimate
 
 
@@ -83,13 +79,13 @@ THICKER = replace(BEAM, width_mm=3.03)
 
 @pytest.fixture(scope="module")
 def thicker() -> Estimate:
-    """The result of a fit whose beam is wider than its file says, by 1.5 standard uncertainties."""
+    # The result of a fit whose beam is wider than its file says, by 1.5 standard uncertainties.
     return identify("neo-hookean", [experiment(noisy_edges(THICKER), width=0.02)])
 
 
 @pytest.fixture(scope="module")
 def magnetic() -> Estimate:
-    """The result of a fit with an uncertainty of 2 % of the magnetic moment."""
+    # The result of a fit with an uncertainty of 2 % of the magnetic moment.
     return fitted(experiment(noisy_edges(), remanence=0.02))
 
 

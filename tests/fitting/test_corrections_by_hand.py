@@ -42,7 +42,7 @@ SPECIMEN = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-stress", MAGNET)
 
 
 def line(*points: tuple[float, float]) -> np.ndarray:
-    """Return begin, middle and end of straight segments between the points, shape (segments, 3, 2)."""
+    # Return begin, middle and end of straight segments between the points, shape (segments, 3, 2).
     ends = np.array(points)
     return np.stack([ends[:-1], 0.5 * (ends[:-1] + ends[1:]), ends[1:]], axis=1)
 
@@ -104,7 +104,7 @@ def test_joined_misfits_keep_the_order_of_the_parameter_sets() -> None:
 
 
 def comparison(*residuals: float, unconverged: bool = False, unstable: bool = False, shapes: Any = ()) -> Comparison:
-    """Return a comparison with one parameter set and one residual (mm) for each experiment."""
+    # Return a comparison with one parameter set and one residual (mm) for each experiment.
     misfits = tuple(misfit_of(np.full((1, 1, 2, 2), one), abs(one)) for one in residuals)
     return Comparison(np.array([unconverged]), np.array([unstable]), np.ones(1), shapes, misfits)
 
@@ -122,7 +122,7 @@ def test_the_objective_is_the_mean_error_of_all_states_unless_the_candidate_is_n
 
 @dataclass(frozen=True)
 class Beam:
-    """Replaces an experiment; only its section and the corrections of its residuals matter."""
+    # Replaces an experiment; only its section and the corrections of its residuals matter.
 
     section: str = "plane-stress"
     change: Any = None
@@ -375,7 +375,7 @@ def test_a_fit_of_edges_alone_is_polished_once(monkeypatch: pytest.MonkeyPatch) 
 
 
 def noted(notes: list[Any], note: Any, result: Any) -> Any:
-    """Return `result`, and add `note` to the list of calls, `notes`."""
+    # Return `result`, and add `note` to the list of calls, `notes`.
     notes.append(note)
     return result
 

@@ -30,10 +30,8 @@ NOISE = EdgeNoise(residual_mm=0.005, points=200, alike=10.0)
 
 
 def of_fields(count: int, *sources: StatedSource, gravity_angle_deg: float | None = 0.0) -> Candidates:
-    """Return `count` load steps at equally spaced fields, from which a plan chooses.
-
-    sources : uncertain inputs with their standard uncertainties
-    """
+    # Return `count` load steps at equally spaced fields, from which a plan chooses.
+    # sources : uncertain inputs with their standard uncertainties
     loads = Loads.along(np.linspace(0.0, 7.05, count), gravity_angle_deg=gravity_angle_deg)
     return candidates(NEO_HOOKEAN, BEAM, loads, sources, NOISE)
 

@@ -17,7 +17,7 @@ from tests.shared.hidden_laws import Hidden
 
 
 def curve_of(law, parameters, noise=0.002, largest=3.0, rows=150):
-    """Return a simulated tensile curve; `noise` is relative to the largest stress, `largest` is the largest strain."""
+    # Return a simulated tensile curve; `noise` is relative to the largest stress, `largest` is the largest strain.
     strain = np.linspace(largest / rows, largest, rows)
     stress = engineering_stress(law, np.array(parameters), strain)
     return TensileCurve(strain, stress + np.random.default_rng(1).normal(0, noise * stress.max(), rows))

@@ -35,16 +35,14 @@ def one_element(name: str, section: str) -> tuple[Mesh, Operators, Batch]:
 
 
 def deformation(seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return random nodal displacements of one element, shape (1, 1, 2, 9), and pressures, shape (1, 1, 3)."""
+    # Return random nodal displacements of one element, shape (1, 1, 2, 9), and pressures, shape (1, 1, 3).
     rng = np.random.default_rng(seed)
     return rng.normal(0, 0.05, (1, 1, 2, 9)), rng.normal(0, 0.1, (1, 1, 3))
 
 
 def potential(ops: Operators, batch: Batch, nodal: np.ndarray, pressure: np.ndarray) -> float:
-    """Return the potential energy of a planar element: the integral of psi(F) + p (J - 1).
-
-    psi: energy of the law; F: deformation gradient; J: its determinant; p: pressure (absent in plane stress).
-    """
+    # Return the potential energy of a planar element: the integral of psi(F) + p (J - 1).
+    # psi: energy of the law; F: deformation gradient; J: its determinant; p: pressure (absent in plane stress).
     ev = element.evaluate(ops, batch, nodal, pressure)
     density = ev.energy.value
     if batch.section == "plane-strain":
@@ -53,7 +51,7 @@ def potential(ops: Operators, batch: Batch, nodal: np.ndarray, pressure: np.ndar
 
 
 def differences(function, nodal: np.ndarray) -> np.ndarray:
-    """Return central differences of `function` with respect to the 18 nodal displacements of a planar element."""
+    # Return central differences of `function` with respect to the 18 nodal displacements of a planar element.
     steps = (np.eye(18) * H).reshape(18, 1, 1, 2, 9)
     return np.array([(np.asarray(function(nodal + s)) - np.asarray(function(nodal - s))) / (2 * H) for s in steps])
 
@@ -118,11 +116,9 @@ def rotation(angle: float) -> np.ndarray:
 
 
 def forces_at(mesh: Mesh, batch: Batch, places: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-    """Return the forces (x, y) on the nine nodes of one element, shape (2, 9).
-
-    batch : the law
-    places : positions (x, y) of the nodes, shape (2, 9)
-    """
+    # Return the forces (x, y) on the nine nodes of one element, shape (2, 9).
+    # batch : the law
+    # places : positions (x, y) of the nodes, shape (2, 9)
     nodal = (places - mesh.nodes[mesh.elements[0]].T)[None, None]
     return element.evaluate(element.operators(mesh), batch, nodal, pressure).force[0, 0]
 

@@ -536,7 +536,7 @@ def test_the_noise_of_a_beam_is_at_least_a_nanometre_part(monkeypatch):
 
 @dataclass
 class AnyModel:
-    """Replaces a beam model: it finds an equilibrium in the first state, and returns `status` for the second."""
+    # Replaces a beam model: it finds an equilibrium in the first state, and returns `status` for the second.
 
     status: Status
     calls: list[tuple[object, ...]] = field(default_factory=list)

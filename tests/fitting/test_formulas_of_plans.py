@@ -112,7 +112,7 @@ def test_a_known_law_lies_in_the_middle_of_three_decades() -> None:
 
 
 class Sum:
-    """A criterion for a choice of states: the sum of a given value for each chosen state."""
+    # A criterion for a choice of states: the sum of a given value for each chosen state.
 
     def __init__(self, numbers: list[float]) -> None:
         self.numbers = np.array(numbers)
@@ -329,7 +329,7 @@ def test_a_step_of_the_polish_has_gradient_and_hessian_of_the_weighted_residuals
 
 
 class Bowl:
-    """A replacement for a fit: the objective is a distance from (0.6, 0.6), and the residuals are the coordinates."""
+    # A replacement for a fit: the objective is a distance from (0.6, 0.6), and the residuals are the coordinates.
 
     def __init__(self, power: float = 1.0) -> None:
         self.power, self.asked = power, 0

@@ -21,10 +21,8 @@ MU = np.array([[0.05e6]])
 
 
 def magnet_tipped(depth_share: float = 1.0) -> tuple[Specimen, float]:
-    """Return a beam of 30 x 3 mm with a rigid magnet of 4 mm at its tip, and a field (mT).
-
-    depth_share : share of the depth of the beam that the magnet fills
-    """
+    # Return a beam of 30 x 3 mm with a rigid magnet of 4 mm at its tip, and a field (mT).
+    # depth_share : share of the depth of the beam that the magnet fills
     magnet = Magnet(4.0, 3.0, 1.0, 1.0, 7500.0)
     depth = 1.0 / depth_share
     specimen = Specimen(30.0, 3.0, depth, 1070.0, "plane-strain", magnet)

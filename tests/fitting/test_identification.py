@@ -26,7 +26,7 @@ NOISE_MM = 1e-3
 
 
 def measured(model: str, parameters: list[float], seed: int = 0) -> Experiment:
-    """Return a simulated experiment: noisy edges of a beam of a known material, on a finer mesh than that of a fit."""
+    # Return a simulated experiment: noisy edges of a beam of a known material, on a finer mesh than that of a fit.
     rng = np.random.default_rng(seed)
     fine, loads = BeamModel(SPECIMEN, 30, 3), Loads.along(FIELD_MT)
     shapes = fine.solve(LAWS[model], np.array([parameters]), loads)

@@ -132,12 +132,10 @@ def comparison(mean_mm: list[float], states: int = 4) -> Any:
 
 
 def evaluation(mean_mm: list[float], z: list[list[float]], states: int = 4) -> Evaluation:
-    """Return what the search computes for several candidates (sets of parameters).
-
-    mean_mm : mean error of the edges of each candidate
-    z : standardised residuals of each candidate: of a tensile curve, an uncertain input and a prior on the law
-    states : number of load steps
-    """
+    # Return what the search computes for several candidates (sets of parameters).
+    # mean_mm : mean error of the edges of each candidate
+    # z : standardised residuals of each candidate: of a tensile curve, an uncertain input and a prior on the law
+    # states : number of load steps
     columns = [np.array(z)[:, k : k + 1] for k in range(3)]
     return Evaluation(comparison(mean_mm, states), columns[0], columns[1], columns[2], 50.0)
 
@@ -311,11 +309,9 @@ def test_numbers_are_stored_with_seven_digits() -> None:
 
 
 def states_of(residuals: np.ndarray, slopes: np.ndarray) -> LinearStates:
-    """Return K load steps of one edge with m points, all with the weight 1.
-
-    residuals : shape (K, m)
-    slopes : derivatives of the residuals with respect to n unknowns, shape (n, K, m)
-    """
+    # Return K load steps of one edge with m points, all with the weight 1.
+    # residuals : shape (K, m)
+    # slopes : derivatives of the residuals with respect to n unknowns, shape (n, K, m)
     count = np.full(len(residuals), float(residuals.shape[1]))
     error = np.sqrt((residuals**2).mean(axis=1))
     return LinearStates(
@@ -432,7 +428,7 @@ def experiment(sigma_mm: float, states: int, noise_mm: float | None = None) -> A
 
 
 class Observed:
-    """A replacement for an experiment with the edges of a beam of 2 mm width."""
+    # A replacement for an experiment with the edges of a beam of 2 mm width.
 
     def __init__(self, observed: EdgeObservation, model: Any) -> None:
         self.observed, self.model = observed, model
@@ -440,7 +436,7 @@ class Observed:
 
 @pytest.fixture
 def deflected(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
-    """Replace the largest deflection of every experiment by the value `mm` of the returned dictionary, at first 10."""
+    # Replace the largest deflection of every experiment by the value `mm` of the returned dictionary, at first 10.
     largest = {"mm": 10.0}
     monkeypatch.setattr(checks, "deflection_mm", lambda experiment: largest["mm"])
     monkeypatch.setattr(
@@ -548,10 +544,8 @@ def test_rivals_have_a_tenth_of_the_probability_and_are_not_present_together() -
 
 
 def evidence(unit: tuple[float, float] = (0.5, 0.4)) -> Linearisation:
-    """Return the linearised residuals of a fit with two unknowns: a parameter of the law and an uncertain input.
-
-    unit : values of both unknowns, scaled to 0 to 1
-    """
+    # Return the linearised residuals of a fit with two unknowns: a parameter of the law and an uncertain input.
+    # unit : values of both unknowns, scaled to 0 to 1
     rng = np.random.default_rng(8)
     states = replace(states_of(rng.normal(size=(2, 5)), rng.normal(size=(2, 2, 5))), weights=np.array([2.0, 3.0]))
     curve_slopes = rng.normal(size=(2, 2))
@@ -577,10 +571,8 @@ def evidence(unit: tuple[float, float] = (0.5, 0.4)) -> Linearisation:
 
 
 def minus_log_likelihood(about: Linearisation, step: np.ndarray, law_prior: bool = True) -> float:
-    """Return minus the log-likelihood of two unknowns, up to a constant, at a step (2,) from the optimum of `about`.
-
-    law_prior : whether the prior on the parameter of the law is included
-    """
+    # Return minus the log-likelihood of two unknowns, up to a constant, at a step (2,) from the optimum of `about`.
+    # law_prior : whether the prior on the parameter of the law is included
     (states,) = about.states
     residuals = states.residuals + np.tensordot(step, states.slopes, axes=1)
     curves = about.curves + step @ about.curve_slopes
@@ -629,7 +621,7 @@ def test_the_score_of_candidates_has_the_weights_of_their_errors() -> None:
 
 @pytest.fixture
 def deviance(monkeypatch: pytest.MonkeyPatch) -> tuple[Any, Linearisation]:
-    """A function for the deviance (twice the decrease of the log-likelihood), and the linearised residuals."""
+    # A function for the deviance (twice the decrease of the log-likelihood), and the linearised residuals.
     rng, unit = np.random.default_rng(4), np.array([0.5, 0.4])
     start, slopes = rng.normal(size=(2, 2, 3)), rng.normal(size=(2, 2, 2, 3))
 
@@ -797,10 +789,8 @@ def test_a_measured_rest_shape_is_described_and_replaces_the_stated_one() -> Non
 
 
 def noisy(error_mm: list[float], seed: int = 4) -> LinearStates:
-    """Return load steps whose residuals are white noise; each has two edges of 40 points.
-
-    error_mm : root mean square of the residuals of each load step
-    """
+    # Return load steps whose residuals are white noise; each has two edges of 40 points.
+    # error_mm : root mean square of the residuals of each load step
     rng = np.random.default_rng(seed)
     residuals = rng.normal(size=(len(error_mm), 2, 40))
     residuals *= (np.array(error_mm) / np.sqrt((residuals**2).mean(axis=(1, 2))))[:, None, None]
@@ -901,10 +891,8 @@ def test_the_error_of_the_beam_model_is_what_the_corrections_leave() -> None:
 
 
 def end(**changed: Any) -> _End:
-    """Return one step in the search for the upper end of an interval, where the deviance is 4.
-
-    Two unknowns with the optimum at (0.5, 0.5); the search is at (0.6, 0.5). changed : attributes with other values
-    """
+    # Return one step in the search for the upper end of an interval, where the deviance is 4.
+    # Two unknowns with the optimum at (0.5, 0.5); the search is at (0.6, 0.5). changed : attributes with other values
     given: dict[str, Any] = {"coordinate": 0, "side": 1, "target": 4.0, "point": np.array([0.6, 0.5])}
     return _End(**(given | changed))
 

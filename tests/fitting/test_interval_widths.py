@@ -42,10 +42,8 @@ NOWHERE = EdgeObservation(np.zeros((1, 2, 1, 2)), np.ones((1, 2, 1)))
 
 
 def alike(rng: np.random.Generator, draws: int, along: int, states: int) -> Array:
-    """Return correlated noise of unit variance, shape (draws, K, 2, m): K load steps, two edges, m points.
-
-    along, states : numbers of neighbouring points and load steps whose white noise is averaged
-    """
+    # Return correlated noise of unit variance, shape (draws, K, 2, m): K load steps, two edges, m points.
+    # along, states : numbers of neighbouring points and load steps whose white noise is averaged
     white = rng.normal(size=(draws, STATES + states - 1, 2, POINTS + along - 1))
     over_edge = np.lib.stride_tricks.sliding_window_view(white, along, axis=3).mean(axis=-1)
     both = np.lib.stride_tricks.sliding_window_view(over_edge, states, axis=1).mean(axis=-1)
@@ -53,11 +51,9 @@ def alike(rng: np.random.Generator, draws: int, along: int, states: int) -> Arra
 
 
 def linear_states(residuals: Array, level: Array) -> LinearStates:
-    """Return K load steps whose m points on each edge move linearly with one unknown.
-
-    residuals : of left and right edge, shape (K, 2, m)
-    level : standard deviation of the noise in each load step, shape (K,)
-    """
+    # Return K load steps whose m points on each edge move linearly with one unknown.
+    # residuals : of left and right edge, shape (K, 2, m)
+    # level : standard deviation of the noise in each load step, shape (K,)
     slopes = np.linspace(0.8, 1.2, STATES)[:, None, None] * np.ones((1, STATES, 2, POINTS))
     counts = np.full(STATES, 2.0 * POINTS)
     weights = 300.0 / (STATES * level.mean() * counts * level)
@@ -65,10 +61,8 @@ def linear_states(residuals: Array, level: Array) -> LinearStates:
 
 
 def linearisation(states: LinearStates, prior: float) -> Linearisation:
-    """Return the residuals of a fit as linear functions of its only unknown.
-
-    prior : inverse variance of the prior
-    """
+    # Return the residuals of a fit as linear functions of its only unknown.
+    # prior : inverse variance of the prior
     return Linearisation(
         unit=np.full(1, 0.5),
         objective_mm=1.0,

@@ -35,12 +35,10 @@ def edges_of(
     field_mT: tuple[float, ...] = (0.0, 4.0, 7.0),
     turned_deg: float = 0.0,
 ) -> Experiment:
-    """Return a simulated experiment: noisy edges of a beam with a known law.
-
-    gravity : direction of gravity in the beam frame (degrees); None without gravity
-    field_factor : true field divided by the field in the file
-    turned_deg : roll of the camera (degrees)
-    """
+    # Return a simulated experiment: noisy edges of a beam with a known law.
+    # gravity : direction of gravity in the beam frame (degrees); None without gravity
+    # field_factor : true field divided by the field in the file
+    # turned_deg : roll of the camera (degrees)
     rng = np.random.default_rng(1)
     loads = Loads.along(field_mT, gravity_angle_deg=gravity)
     fine = BeamModel(SPECIMEN, 52, 6)
@@ -54,13 +52,13 @@ def edges_of(
 
 
 def relative_width(fit) -> float:
-    """Return the half-width of the interval of the modulus divided by the modulus."""
+    # Return the half-width of the interval of the modulus divided by the modulus.
     low, high = fit.initial_shear_modulus.interval_95
     return float(0.5 * (high - low) / fit.initial_shear_modulus.value)
 
 
 def ends(fit) -> list[tuple[float, float]]:
-    """Return the lower and upper end of the interval of each parameter."""
+    # Return the lower and upper end of the interval of each parameter.
     return [quantity.interval_95 for quantity in fit.parameters.values()]
 
 

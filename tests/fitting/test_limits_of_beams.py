@@ -50,7 +50,7 @@ def test_candidates_are_in_megapascals_and_nearly_incompressible() -> None:
 
 
 class Stretched:
-    """A replacement for a solid whose largest stretch is given by the first displacement."""
+    # A replacement for a solid whose largest stretch is given by the first displacement.
 
     mesh = SimpleNamespace(nodes=np.zeros((1, 1)))
 
@@ -62,7 +62,7 @@ class Stretched:
 
 
 def state(*values: float) -> Configuration:
-    """Return the configurations of several candidate laws; all numbers of a configuration are equal to its value."""
+    # Return the configurations of several candidate laws; all numbers of a configuration are equal to its value.
     one = np.array(values)
     return Configuration(one[:, None, None].copy(), np.tile(one[:, None], 3), one[None, :, None].copy(),
                          one[None, None, :, None].copy())  # fmt: skip
@@ -109,7 +109,7 @@ def test_states_that_are_too_close_to_each_other_do_not_swing_an_extrapolation()
 
 
 class Steps:
-    """Replaces a solid beam model: it records each load, and returns `outcomes` in turn (status, iterations)."""
+    # Replaces a solid beam model: it records each load, and returns `outcomes` in turn (status, iterations).
 
     def __init__(self, *outcomes: tuple[Status, int]) -> None:
         self.outcomes, self.asked = list(outcomes), list[tuple[float, float, int | None, bool]]()
@@ -561,7 +561,7 @@ def test_modes_of_the_width_change_the_ends_by_their_amplitudes() -> None:
 
 
 def arc(points: int, length_mm: float = 30.0, start: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
-    """Return points (x, y) on a quarter of a circle that begins along x."""
+    # Return points (x, y) on a quarter of a circle that begins along x.
     radius, turn = length_mm / (0.5 * np.pi), np.linspace(0.0, 0.5 * np.pi, points)
     return np.stack([radius * np.sin(turn), radius * (1 - np.cos(turn))], axis=1) + start
 

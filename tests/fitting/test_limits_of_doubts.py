@@ -45,7 +45,7 @@ DOCS = Path(__file__).parents[2] / "docs" / "why" / "causes.md"
 
 
 def documented() -> dict[str, list[str]]:
-    """Return the table of causes in docs/why/causes.md: the cells of each row, by the name in its first cell."""
+    # Return the table of causes in docs/why/causes.md: the cells of each row, by the name in its first cell.
     table = DOCS.read_text(encoding="utf-8").partition("\n## The causes\n")[2].partition("\n\nA moment")[0]
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in table.strip().splitlines()[2:]]
     return {cells[0].strip("`"): cells[1:] for cells in rows}
@@ -100,13 +100,13 @@ POINTS = np.array([[[[2.0, 1.0], [12.0, 1.0], [32.0, 11.0]], [[2.0, -1.0], [12.0
 
 
 def seen(view: View | None = None) -> Experiment:
-    """Return one measured load step with three points on each edge; the picture centre is (17 mm, 5 mm)."""
+    # Return one measured load step with three points on each edge; the picture centre is (17 mm, 5 mm).
     sigma = np.full((1, 2, 3), 0.01)
     return Experiment(BeamModel(BEAM, 4, 1), Loads.along([5.0]), EdgeObservation(POINTS, sigma, view=view))
 
 
 def moved(name: str, *amplitudes: float, view: View | None = None) -> np.ndarray:
-    """Return how far (mm) the cause `name` of residuals, with these amplitudes, moves the measured points."""
+    # Return how far (mm) the cause `name` of residuals, with these amplitudes, moves the measured points.
     assumed: Any = SimpleNamespace(experiment=seen(view))
     change = CAUSES[name].change
     assert change is not None

@@ -143,7 +143,7 @@ def test_a_fit_without_stated_inputs_has_no_squares_of_them() -> None:
 
 
 class Table:
-    """The variance of each choice of at most three of eight states: random numbers."""
+    # The variance of each choice of at most three of eight states: random numbers.
 
     def __init__(self, seed: int) -> None:
         self.values = np.random.default_rng(seed).uniform(1.0, 2.0, (8, 8, 8))
@@ -168,7 +168,7 @@ def test_no_exchange_of_one_state_lowers_the_criterion_further(seed: int) -> Non
 
 
 class Wavy:
-    """Residuals of one state that bend more and more, so that steps of Gauss-Newton may be too long."""
+    # Residuals of one state that bend more and more, so that steps of Gauss-Newton may be too long.
 
     def __init__(self, units: np.ndarray, frequency: float) -> None:
         waves = np.sin(frequency * (units - 0.37)) + 0.6 * (units - 0.37) + 0.2 * units[:, ::-1] ** 2
@@ -254,7 +254,7 @@ def test_one_measured_point_has_its_own_distance_as_the_error() -> None:
 
 
 class Falling:
-    """A criterion that every exchange lowers, by a share of its value."""
+    # A criterion that every exchange lowers, by a share of its value.
 
     def __init__(self, share: float) -> None:
         self.share, self.calls = share, 0

@@ -29,16 +29,13 @@ BENDING = 3 * 0.05 * WIDTH**3 / 12  # N mm² for each mm of depth, plane stress:
 
 
 def elastica(couple=None, dead=(0.0, 0.0), pressure=(0.0, 0.0, 0.0), force=(0.0, 0.0), end_couple=None):
-    """Return rotation (rad), x and y (mm) at the tip of an inextensible elastic rod, clamped at 0.
-
-    Forces and moments are those for each mm of depth.
-
-    couple : moment for each mm of length (N/mm), a function of the rotation
-    dead : distributed force (x, y) in N/mm²
-    pressure : pressure (N/mm²) on the lower side, and the lengths (mm) between which it acts
-    force : force (x, y) at the tip (N/mm)
-    end_couple : moment at the tip (N), a function of the rotation
-    """
+    # Return rotation (rad), x and y (mm) at the tip of an inextensible elastic rod, clamped at 0.
+    # Forces and moments are those for each mm of depth.
+    # couple : moment for each mm of length (N/mm), a function of the rotation
+    # dead : distributed force (x, y) in N/mm²
+    # pressure : pressure (N/mm²) on the lower side, and the lengths (mm) between which it acts
+    # force : force (x, y) at the tip (N/mm)
+    # end_couple : moment at the tip (N), a function of the rotation
     p, first, last = pressure
     scale = np.array([BENDING / LENGTH, BENDING / LENGTH**2, BENDING / LENGTH**2])
 
@@ -73,7 +70,7 @@ def elastica(couple=None, dead=(0.0, 0.0), pressure=(0.0, 0.0, 0.0), force=(0.0,
 
 
 def beam(loads, **specimen):
-    """Return (rotation, x, y) at the tip of a slender plane-stress beam under `loads` (rad and mm)."""
+    # Return (rotation, x, y) at the tip of a slender plane-stress beam under `loads` (rad and mm).
     model = BeamModel(Specimen(LENGTH, WIDTH, DEPTH, specimen.pop("density", 0.0), "plane-stress", **specimen), 40, 1)
     shapes = model.solve(NEO, MU, loads, tolerance_mm=1e-7)
     assert shapes.converged[0]
@@ -83,7 +80,7 @@ def beam(loads, **specimen):
 
 
 def check(computed, exact, accuracy=1e-3):
-    """Assert that (rotation, x, y) of the tip agree with the exact solution."""
+    # Assert that (rotation, x, y) of the tip agree with the exact solution.
     assert abs(exact[0]) > 0.3  # a large deflection
     assert computed[0] == pytest.approx(exact[0], rel=accuracy)
     assert computed[1:] == pytest.approx(exact[1:], abs=accuracy * LENGTH)
@@ -170,7 +167,7 @@ def test_a_tip_force_on_a_beam_with_a_cast_bend_acts_at_the_end_of_its_centre_li
 
 
 def cylinder(n):
-    """Return a mesh (n elements across the wall) of a quarter cylinder of radii 1 and 2, and an inner pressure."""
+    # Return a mesh (n elements across the wall) of a quarter cylinder of radii 1 and 2, and an inner pressure.
     mesh = mapped_mesh(
         2 * n, n, lambda s, t: ((1 + t) * np.cos(np.pi / 2 * (1 - s)), (1 + t) * np.sin(np.pi / 2 * (1 - s)))
     )

@@ -24,10 +24,8 @@ FIELDS = np.linspace(0, 7.05, 8)
 
 
 def with_magnet(width_mm: float, tip_offset_mm: float = 0.0, section: str = "plane-strain") -> Specimen:
-    """Return a beam with a magnet of this width, and a moment and weight that do not depend on the width.
-
-    tip_offset_mm : length of silicone beyond the magnet
-    """
+    # Return a beam with a magnet of this width, and a moment and weight that do not depend on the width.
+    # tip_offset_mm : length of silicone beyond the magnet
     share = 3.0 / width_mm
     magnet = Magnet(4.0, width_mm, 2.0, 1.2 * share, 7500.0 * share, tip_offset_mm)
     return Specimen(30.0 + tip_offset_mm, 3.0, 5.0, 1070.0, section, magnet)
@@ -35,12 +33,12 @@ def with_magnet(width_mm: float, tip_offset_mm: float = 0.0, section: str = "pla
 
 @dataclass(frozen=True)
 class TwoStiffnesses(NeoHookean):
-    """A neo-Hookean law with a separate shear modulus `mu` for each element."""
+    # A neo-Hookean law with a separate shear modulus `mu` for each element.
 
     mu: np.ndarray | None = None
 
     def planar(self, parameters, a, J, section):
-        """Return the neo-Hookean energy with the modulus `mu` of each element."""
+        # Return the neo-Hookean energy with the modulus `mu` of each element.
         return super().planar(self.mu[:, None, None, None], a, J, section)
 
 

@@ -34,10 +34,8 @@ BOTH_WAYS = Loads.along((0.0, 3.0, 7.0, -3.0, -7.0))
 
 
 def experiment(loads: Loads, stated_deg: float | None = None) -> Experiment:
-    """Return a simulated experiment with a magnet that is magnetised at an angle to the beam.
-
-    stated_deg : standard uncertainty of the angle in the file; None if the file gives none
-    """
+    # Return a simulated experiment with a magnet that is magnetised at an angle to the beam.
+    # stated_deg : standard uncertainty of the angle in the file; None if the file gives none
     model = BeamModel(TILTED, 26, 2)
     shapes = model.solve(LAWS["neo-hookean"], np.array([[TRUTH_PA]]), loads)
     sides = points_on(edge_curves(model, shapes)[0], 2)[:, :, 1:-1]
@@ -49,7 +47,7 @@ def experiment(loads: Loads, stated_deg: float | None = None) -> Experiment:
 
 
 def fitted(loads: Loads, stated_deg: float | None = None) -> Estimate:
-    """Return the result of a fit to the edges of `experiment`; the fit starts at a modulus 10 % too large."""
+    # Return the result of a fit to the edges of `experiment`; the fit starts at a modulus 10 % too large.
     law = LAWS["neo-hookean"]
     space = search_space(law)
     unit = np.full((1, 1), np.log(1.1 * TRUTH_PA / space.lower[0]) / np.log(space.upper[0] / space.lower[0]))

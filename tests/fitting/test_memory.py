@@ -29,7 +29,7 @@ def solved(states: int, **more: Any) -> Shapes:
 
 
 def bytes_a_state(run: Callable[[int], object]) -> float:
-    """Return the growth of the peak memory (bytes) for each additional load step."""
+    # Return the growth of the peak memory (bytes) for each additional load step.
     peaks = []
     for states in (FEW, MANY):
         tracemalloc.start()

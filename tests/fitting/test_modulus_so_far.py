@@ -20,7 +20,7 @@ BEAM = Specimen(length_mm=30.0, width_mm=3.0, depth_mm=3.0, density_kg_m3=1070.0
 
 
 def experiment_in(fields_mT: list[float], specimen: Specimen = BEAM, noise_mm: float = NOISE_MM) -> Experiment:
-    """Return a simulated experiment: noisy edges of a beam in these fields (mT)."""
+    # Return a simulated experiment: noisy edges of a beam in these fields (mT).
     is_solid = specimen.section == "solid"
     model = SolidBeside(specimen, 24, 2) if is_solid else BeamModel(specimen)
     loads = Loads.along(fields_mT, gravity_angle_deg=0.0)

@@ -29,7 +29,7 @@ ARRAYS = ("displacement", "rigid", "status", "iterations", "max_stretch")
 
 
 def arc(radius: float, segments: int = 12, angle: float = 1.2) -> np.ndarray:
-    """Return S quadratic segments on a circular arc of `angle` (rad), shape (S, 3, 2): three nodes, x and y."""
+    # Return S quadratic segments on a circular arc of `angle` (rad), shape (S, 3, 2): three nodes, x and y.
     ends = np.linspace(0, angle, 2 * segments + 1)
     points = radius * np.column_stack([np.cos(ends), np.sin(ends)])
     return np.stack([points[0:-1:2], points[1::2], points[2::2]], axis=1)

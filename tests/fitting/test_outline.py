@@ -36,7 +36,7 @@ LOADS = Loads.along([3.0, 6.0])
 
 @lru_cache
 def bent(beam: str) -> tuple[SolidModel, Shapes]:
-    """Return the three-dimensional model of a beam, and its shapes under the loads."""
+    # Return the three-dimensional model of a beam, and its shapes under the loads.
     model = SolidModel(BEAMS[beam], 20, 2)
     return model, model.solve(NEO, MODULUS, LOADS)
 

@@ -21,7 +21,7 @@ NOISE_MM = 0.05
 
 
 def tracked(model: str, parameters: list[float], forces_N: Sequence[float] = (0.0, 0.001, 0.002, 0.004)) -> Experiment:
-    """Return a simulated experiment: nine noisy markers on a horizontal strip of a known law under tip forces (N)."""
+    # Return a simulated experiment: nine noisy markers on a horizontal strip of a known law under tip forces (N).
     beam = BeamModel(STRIP)
     loads = Loads.along(np.zeros(len(forces_N)), gravity_angle_deg=90.0, tip_force_N=forces_N)
     rest = np.column_stack([np.linspace(5, 29, 9), np.zeros(9)])
@@ -37,29 +37,25 @@ SEEN = tracked("neo-hookean", [46e3])
 
 @pytest.fixture(scope="module")
 def alone():
-    """The fit of a law with one parameter, without a prior."""
+    # The fit of a law with one parameter, without a prior.
     return identify("neo-hookean", [SEEN])
 
 
 def estimated(priors: Sequence[Prior] = (), free: Sequence[NuisancePrior] = ()) -> Estimate:
-    """Return the result of a fit to the markers, which starts at 50 kPa.
-
-    free : uncertain inputs that the fit also determines
-    """
+    # Return the result of a fit to the markers, which starts at 50 kPa.
+    # free : uncertain inputs that the fit also determines
     return refined("neo-hookean", [SEEN], 50e3, free=free, priors=priors).estimate
 
 
 def spread(fit: Estimate) -> float:
-    """Return the standard deviation (Pa) of the only parameter, from the width of its interval."""
+    # Return the standard deviation (Pa) of the only parameter, from the width of its interval.
     low, high = fit.parameters["mu"].interval_95
     return float((high - low) / (2 * 1.96))
 
 
 def objective_mm(prior: Prior, moduli_Pa: np.ndarray, independent_points: float) -> np.ndarray:
-    """Return the function that a fit with a prior minimises (mm), at several moduli (Pa).
-
-    independent_points : number of edge points that count as independent
-    """
+    # Return the function that a fit with a prior minimises (mm), at several moduli (Pa).
+    # independent_points : number of edge points that count as independent
     space = search_space(LAWS["neo-hookean"])
     unit = np.log(moduli_Pa / space.lower[0]) / np.log(space.upper[0] / space.lower[0])
     problem = Problem(LAWS["neo-hookean"], Unknowns(space), (SEEN,), priors=(prior,))

@@ -24,7 +24,7 @@ def type3(section: Section) -> Specimen:
 
 
 def candidates(name: str, count: int, seed: int) -> np.ndarray:
-    """Return random parameters of the law `name` with moduli of common silicones, shape (count, n)."""
+    # Return random parameters of the law `name` with moduli of common silicones, shape (count, n).
     space, rng = search_space(LAWS[name]), np.random.default_rng(seed)
     unit = rng.random((count, len(space.names)))
     unit[:, 0] = np.log(rng.uniform(1e4**0.1, 2e5**0.1, count) ** 10 / space.lower[0]) / np.log(1e3)
@@ -32,10 +32,8 @@ def candidates(name: str, count: int, seed: int) -> np.ndarray:
 
 
 def leaps(model: BeamModel, name: str, parameters: np.ndarray) -> tuple[int, int, int]:
-    """Solve a beam in 2 to 12 load steps; return the numbers of wrong, failed and all solutions.
-
-    A wrong solution is another equilibrium than that found in 72 load steps.
-    """
+    # Solve a beam in 2 to 12 load steps; return the numbers of wrong, failed and all solutions.
+    # A wrong solution is another equilibrium than that found in 72 load steps.
     law = LAWS[name]
     fine = model.solve(law, parameters, Loads.along(np.linspace(0, HIGHEST_MT, FINE_STEPS + 1)))
     stable = fine.converged
@@ -106,10 +104,8 @@ def test_coarse_steps_reach_the_same_equilibrium_for_a_thousand_materials(name, 
 
 
 def solid_leaps(name: str, parameters: np.ndarray, magnet: Magnet) -> tuple[int, int, int]:
-    """Solve a solid beam in 3 and in 6 load steps; return the numbers of wrong, failed and all solutions.
-
-    A wrong solution is another equilibrium than that found in 24 load steps.
-    """
+    # Solve a solid beam in 3 and in 6 load steps; return the numbers of wrong, failed and all solutions.
+    # A wrong solution is another equilibrium than that found in 24 load steps.
     law, specimen = LAWS[name], replace(type3("solid"), magnet=magnet)
     alone, beside = SolidModel(specimen, 8, 1), SolidBeside(specimen, 8, 1)
     elsewhere = failed = total = 0

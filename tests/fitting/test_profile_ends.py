@@ -21,11 +21,8 @@ HALF = np.array([0.05, 0.1])
 
 
 def of_coordinates(*parts: Callable[[Array], Array]) -> Callable[[Array], tuple[Array, Array]]:
-    """Return a function that computes a deviance at n points, shape (n, 2), and half of its gradients.
-
-    parts : two functions of the distance of a coordinate from the optimum; the deviance is their sum
-    """
-
+    # Return a function that computes a deviance at n points, shape (n, 2), and half of its gradients.
+    # parts : two functions of the distance of a coordinate from the optimum; the deviance is their sum
     def deviance(units: Array) -> tuple[Array, Array]:
         away, h = units - OPTIMUM, 1e-7
         value = sum(part(away[:, i]) for i, part in enumerate(parts))
@@ -36,7 +33,7 @@ def of_coordinates(*parts: Callable[[Array], Array]) -> Callable[[Array], tuple[
 
 
 def quadratic(half: float) -> Callable[[Array], Array]:
-    """Return a parabola of one coordinate that is 4 at the distance `half` from the optimum."""
+    # Return a parabola of one coordinate that is 4 at the distance `half` from the optimum.
     return lambda away: 4.0 * (away / half) ** 2
 
 

@@ -35,7 +35,7 @@ def test_public_names_are_those_of_the_modules() -> None:
 
 
 def loaded_by(statement: str) -> set[str]:
-    """Return the names of the modules that a new interpreter has loaded after a statement."""
+    # Return the names of the modules that a new interpreter has loaded after a statement.
     words = f"import sys\n{statement}\nprint(*sys.modules)"
     process = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True)
     return set(process.stdout.split())

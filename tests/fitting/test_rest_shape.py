@@ -24,7 +24,7 @@ FINGER = replace(
 
 
 def pushed(specimen: Specimen, force_N: float, along: int = 30) -> np.ndarray:
-    """Return the displacement (x, y) of the middle of the tip in mm, shape (2,), under a small force along y."""
+    # Return the displacement (x, y) of the middle of the tip in mm, shape (2,), under a small force along y.
     model = BeamModel(specimen, along, 3)
     loads = Loads.along([0.0], 90.0, None, tip_force_N=[force_N], tip_force_angle_deg=90.0)
     shapes = model.solve(NEO, MU, loads, tolerance_mm=1e-8)

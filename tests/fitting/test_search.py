@@ -37,7 +37,7 @@ def valley(units: Array) -> Values:
 
 
 def rastrigin(units: Array) -> Values:
-    """Return Rastrigin's function, which has many local minima, at n points in d coordinates, shape (n, d)."""
+    # Return Rastrigin's function, which has many local minima, at n points in d coordinates, shape (n, d).
     x = 10 * (units - OPTIMUM[: units.shape[1]])
     return Values((x**2 - 10 * np.cos(2 * np.pi * x) + 10).sum(axis=1))
 
@@ -155,10 +155,8 @@ def test_the_record_of_another_search_is_refused():
 
 @dataclass(frozen=True)
 class Line:
-    """A replacement for the evaluation of P candidates (sets of parameters), with the residuals of a linear model.
-
-    residuals : shape (P, n) for n points of one load step
-    """
+    # A replacement for the evaluation of P candidates (sets of parameters), with the residuals of a linear model.
+    # residuals : shape (P, n) for n points of one load step
 
     residuals: Array
 

@@ -33,7 +33,7 @@ def similar_to(*effects):
 
 @cache
 def hidden():
-    """Return the solid model of the true beam on a fine mesh, and its shapes under the loads."""
+    # Return the solid model of the true beam on a fine mesh, and its shapes under the loads.
     model = SolidModel(BEAM, 30, 3, more=1)
     return model, model.solve(NEO, np.array([[TRUE_PA]]), LOADS, tolerance_mm=1e-3)
 

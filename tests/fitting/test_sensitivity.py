@@ -23,12 +23,12 @@ CANDIDATES = {
 
 
 def edges_of(model: BeamModel, law: Law, parameters: np.ndarray, loads: Loads) -> np.ndarray:
-    """Return points of the edges (x, y) in mm, shape (K, 2, m, 2): K load steps, two edges, m points."""
+    # Return points of the edges (x, y) in mm, shape (K, 2, m, 2): K load steps, two edges, m points.
     return points_on(edge_curves(model, model.solve(law, parameters[None], loads, tolerance_mm=1e-9)), 2)[0]
 
 
 def derivative(function, size: float) -> np.ndarray:
-    """Return the derivative of `function` at zero by differences of fourth order with the step ``size``."""
+    # Return the derivative of `function` at zero by differences of fourth order with the step ``size``.
     near, far = (function(k * size) - function(-k * size) for k in (1, 2))
     return (8 * near - far) / (12 * size)
 

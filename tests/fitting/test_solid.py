@@ -37,10 +37,8 @@ def one_brick(name: str) -> tuple[brick.Operators, Batch]:
 
 
 def potential(ops: brick.Operators, batch: Batch, nodal: np.ndarray, pressure: np.ndarray) -> float:
-    """Return the potential energy of a solid element: the integral of psi + p (J - 1).
-
-    psi: energy of the law; J: volume ratio; p: pressure.
-    """
+    # Return the potential energy of a solid element: the integral of psi + p (J - 1).
+    # psi: energy of the law; J: volume ratio; p: pressure.
     F = brick.gradients(ops, nodal)
     F[range(3), range(3)] += 1
     J = np.linalg.det(np.moveaxis(F, (0, 1), (-2, -1)))
@@ -51,7 +49,7 @@ def potential(ops: brick.Operators, batch: Batch, nodal: np.ndarray, pressure: n
 
 
 def differences(function, nodal: np.ndarray) -> np.ndarray:
-    """Return central differences of `function` with respect to the 81 nodal displacements of a solid element."""
+    # Return central differences of `function` with respect to the 81 nodal displacements of a solid element.
     steps = (np.eye(81) * H).reshape(81, 1, 1, 3, 27)
     return np.array([(np.asarray(function(nodal + s)) - np.asarray(function(nodal - s))) / (2 * H) for s in steps])
 

@@ -133,7 +133,7 @@ def test_a_bend_at_rest_has_its_largest_offset_in_mm(mode: int) -> None:
 
 
 def turn(vector: np.ndarray, angle_deg: float) -> np.ndarray:
-    """Return K vectors (x, y), shape (K, 2), rotated by `angle_deg` from +x toward +y."""
+    # Return K vectors (x, y), shape (K, 2), rotated by `angle_deg` from +x toward +y.
     as_complex = (vector[:, 0] + 1j * vector[:, 1]) * np.exp(1j * np.radians(angle_deg))
     return np.column_stack([as_complex.real, as_complex.imag])
 

@@ -24,7 +24,7 @@ GEL = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", Magnet(4.0, 3.0, 2.0, 1.2
 
 
 def rod(forces_N: list[float], offset_mm: float = 0.0) -> Experiment:
-    """Return an experiment: a dial gauge at the tip of a steel rod, reading F L^3 / (3 E I) plus `offset_mm`."""
+    # Return an experiment: a dial gauge at the tip of a steel rod, reading F L^3 / (3 E I) plus `offset_mm`.
     second_moment_mm4 = ROD.depth_mm * ROD.width_mm**3 / 12
     sag_mm = np.array(forces_N) * ROD.length_mm**3 / (3 * 1e-6 * YOUNG_PA * second_moment_mm4)
     rest = np.tile([[[ROD.length_mm, 0.0]]], (len(forces_N), 1, 1))
@@ -36,7 +36,7 @@ def rod(forces_N: list[float], offset_mm: float = 0.0) -> Experiment:
 
 
 def gel(modulus_Pa: float) -> Experiment:
-    """Return an experiment with a beam of this modulus (Pa), in fields proportional to the modulus."""
+    # Return an experiment with a beam of this modulus (Pa), in fields proportional to the modulus.
     loads = Loads.along(np.array([0.0, 4.0, 7.0]) * modulus_Pa / 46e3, gravity_angle_deg=None)
     model = BeamModel(GEL).refined()
     rest = np.column_stack([np.linspace(3, 24, 8), np.zeros(8)])

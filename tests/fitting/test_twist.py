@@ -20,7 +20,7 @@ OUT_OF_PLANE, IN_PLANE = (3e-12 * MODULUS_PA * size / 12 for size in (3 * 5**3, 
 
 
 def straight(stations: int) -> Array:
-    """Return S equally spaced points (x, y) on the centre line of a straight beam along x in mm, shape (1, S, 2)."""
+    # Return S equally spaced points (x, y) on the centre line of a straight beam along x in mm, shape (1, S, 2).
     return np.stack([np.linspace(0, 1e3 * LENGTH_M, stations), np.zeros(stations)], axis=-1)[None]
 
 

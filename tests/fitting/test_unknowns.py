@@ -25,7 +25,7 @@ NOISE_MM = 3e-3
 
 @pytest.fixture
 def bent() -> Experiment:
-    """A simulated experiment: noisy edges of a beam with a modulus of 46 kPa in three fields."""
+    # A simulated experiment: noisy edges of a beam with a modulus of 46 kPa in three fields.
     magnet = Magnet(length_mm=4.0, width_mm=3.0, depth_mm=2.0, remanence_T=1.2, density_kg_m3=7500.0)
     beam = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", magnet)
     model, loads = BeamModel(beam, 26, 2), Loads.along((0.0, 4.0, 7.0))

@@ -17,11 +17,9 @@ NEO = LAWS["neo-hookean"]
 
 
 def edge_forces(mesh: Mesh, nodes: np.ndarray, traction) -> np.ndarray:
-    """Convert a traction on one edge of a mesh to forces (x, y) in newton on its n nodes, shape (n, 2).
-
-    nodes : the nodes of the edge, in order
-    traction : function from a point (x, y) to the traction in N/mm², shape (2,)
-    """
+    # Convert a traction on one edge of a mesh to forces (x, y) in newton on its n nodes, shape (n, 2).
+    # nodes : the nodes of the edge, in order
+    # traction : function from a point (x, y) to the traction in N/mm², shape (2,)
     force = np.zeros((len(mesh.nodes), 2))
     for a, b, c in zip(nodes[0:-1:2], nodes[1::2], nodes[2::2], strict=True):
         x = mesh.nodes[[a, b, c]]
@@ -33,11 +31,9 @@ def edge_forces(mesh: Mesh, nodes: np.ndarray, traction) -> np.ndarray:
 
 
 def solve(solid: Solid, force: np.ndarray, mu: float, bulk: float, steps: int = 1) -> Configuration:
-    """Return the equilibrium of a neo-Hookean body under forces on its nodes, applied in equal steps.
-
-    force : forces (x, y) on n nodes, shape (n, 2)
-    mu, bulk : shear and bulk modulus
-    """
+    # Return the equilibrium of a neo-Hookean body under forces on its nodes, applied in equal steps.
+    # force : forces (x, y) on n nodes, shape (n, 2)
+    # mu, bulk : shear and bulk modulus
     batch = Batch(NEO, np.array([[mu]]), "plane-strain", np.array([bulk]))
     now = solid.rest(1)
     for k in range(1, steps + 1):
@@ -48,7 +44,7 @@ def solve(solid: Solid, force: np.ndarray, mu: float, bulk: float, steps: int = 
 
 
 def cooks_membrane(n: int) -> tuple[Solid, np.ndarray]:
-    """Return a mesh (n x n elements) of Cook's membrane, clamped on the left, and the nodes of its right edge."""
+    # Return a mesh (n x n elements) of Cook's membrane, clamped on the left, and the nodes of its right edge.
     mesh = mapped_mesh(n, n, lambda s, t: (48 * s, 44 * s + t * (44 * (1 - s) + 16 * s)))
     fixed = np.zeros((len(mesh.nodes), 2), bool)
     fixed[mesh.column(0)] = True
@@ -56,7 +52,7 @@ def cooks_membrane(n: int) -> tuple[Solid, np.ndarray]:
 
 
 def quarter_cylinder(n: int) -> tuple[Solid, np.ndarray]:
-    """Return a mesh (n elements across the wall) of a quarter cylinder of radii 1 and 2, and its inner nodes."""
+    # Return a mesh (n elements across the wall) of a quarter cylinder of radii 1 and 2, and its inner nodes.
     mesh = mapped_mesh(
         2 * n,
         n,
@@ -69,7 +65,7 @@ def quarter_cylinder(n: int) -> tuple[Solid, np.ndarray]:
 
 
 def inflate(n: int, stretch: float, pressure: float) -> tuple[Solid, Configuration]:
-    """Inflate a thick cylinder by a pressure on its inner face; return the mesh and its deformed shape."""
+    # Inflate a thick cylinder by a pressure on its inner face; return the mesh and its deformed shape.
     solid, inner = quarter_cylinder(n)
     force = edge_forces(solid.mesh, inner, lambda x: pressure * stretch * x / np.linalg.norm(x))
     return solid, solve(solid, force, 1.0, 1e6, steps=6)
@@ -116,10 +112,8 @@ def test_displacement_and_pressure_converge_with_their_orders():
 
 
 def exact_pressure(R: np.ndarray, stretch: float) -> np.ndarray:
-    """Return the exact pressure in an inflated cylinder of radii 1 and 2 at the undeformed radii R, divided by mu.
-
-    stretch : inner radius after the inflation
-    """
+    # Return the exact pressure in an inflated cylinder of radii 1 and 2 at the undeformed radii R, divided by mu.
+    # stretch : inner radius after the inflation
     lam = np.sqrt(R**2 + stretch**2 - 1) / R
     outer = np.sqrt((4 + stretch**2 - 1) / 4)
     # Radial equilibrium: sigma_r(R) = -(ln(lam/outer) + (outer^-2 - lam^-2)/2); sigma_r = lam^-2 - tr b/3 + p.

@@ -37,7 +37,7 @@ def thin(length_mm: float, magnet_density: float | None) -> Specimen:
 
 
 def euler_bernoulli_Hz(specimen: Specimen, tip_mass_kg: float) -> Array:
-    """Return the three lowest frequencies (Hz) of a cantilever with a rigid body at its tip, shape (3,)."""
+    # Return the three lowest frequencies (Hz) of a cantilever with a rigid body at its tip, shape (3,).
     magnet, width, depth = specimen.magnet, 1e-3 * specimen.width_mm, 1e-3 * specimen.depth_mm
     length, line = 1e-3 * specimen.flexible_length_mm, specimen.density_kg_m3 * width * depth
     stiffness = 3 * MU_PA * depth * width**3 / 12

@@ -14,11 +14,9 @@ RULER_MM = np.array([[2.0, -18.0], [48.0, -19.0]])
 
 
 def pinhole(places: np.ndarray, tilt_deg: tuple[float, float]) -> np.ndarray:
-    """Return the image of n points by a tilted pinhole camera, (n, 2): x and y in mm at the distance STAND_OFF_MM.
-
-    places : the points in mm, shape (n, 3): right, down and away from the camera
-    tilt_deg : rotations that bring the right side and the lower side nearer
-    """
+    # Return the image of n points by a tilted pinhole camera, (n, 2): x and y in mm at the distance STAND_OFF_MM.
+    # places : the points in mm, shape (n, 3): right, down and away from the camera
+    # tilt_deg : rotations that bring the right side and the lower side nearer
     along, across = np.radians(tilt_deg)
     turn = cv2.Rodrigues(np.array([-across, along, 0.0]))[0]
     in_camera = (places - [*CENTRE_MM, 0.0]) @ turn.T + [0.0, 0.0, STAND_OFF_MM]

@@ -23,7 +23,7 @@ SCALE = np.array([0.1, 0.2, 0.05, 0.5, 0.3, 0.3, 0.01, 2.0, 1.0])
 
 
 class Simulated:
-    """Replaces the simulations: residuals are linear in the sizes of their causes and in two parameters of the law."""
+    # Replaces the simulations: residuals are linear in the sizes of their causes and in two parameters of the law.
 
     def __init__(self) -> None:
         self.unit, self.kept = np.array([0.5, 0.4]), np.array([0, 1])

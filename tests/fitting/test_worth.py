@@ -13,8 +13,7 @@ from tests.shared.virtual_measurements import Case, outcome, row
 
 
 def valley(bend: float):
-    """Return a function with the narrow curved valley v = bend u², and its Hessian at the minimum."""
-
+    # Return a function with the narrow curved valley v = bend u², and its Hessian at the minimum.
     def rise(unit):
         u, v = (unit - 0.5).T
         across = (v - bend * u**2) / 0.01

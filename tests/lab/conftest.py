@@ -87,7 +87,7 @@ timeout_s = 5.0
 
 
 def draw(seed: int, shift_px: float = 0.0) -> NDArray[np.uint8]:
-    """Return a picture, (96, 128), uint8: a dark vertical beam, 16 px wide, shifted to the right by `shift_px`."""
+    # Return a picture, (96, 128), uint8: a dark vertical beam, 16 px wide, shifted to the right by `shift_px`.
     rng = np.random.default_rng(seed)
     across = np.arange(128) - 64 - shift_px
     profile = 30 + 170 / (1 + np.exp(-(np.abs(across) - 8) / 0.7))
@@ -97,13 +97,13 @@ def draw(seed: int, shift_px: float = 0.0) -> NDArray[np.uint8]:
 
 @pytest.fixture(scope="session")
 def texts() -> dict[str, str]:
-    """The texts of the three TOML files of an emulated bench: specimen, calibration and protocol."""
+    # The texts of the three TOML files of an emulated bench: specimen, calibration and protocol.
     return {"specimen": SPECIMEN, "calibration": CALIBRATION, "protocol": PROTOCOL}
 
 
 @pytest.fixture
 def files(tmp_path: Path, texts: dict[str, str]) -> Path:
-    """A folder with the three TOML files of an emulated bench."""
+    # A folder with the three TOML files of an emulated bench.
     for name, text in texts.items():
         (tmp_path / f"{name}.toml").write_text(text)
     return tmp_path
@@ -111,13 +111,13 @@ def files(tmp_path: Path, texts: dict[str, str]) -> Path:
 
 @pytest.fixture(scope="session")
 def frame() -> Callable[..., NDArray[np.uint8]]:
-    """The function `draw`, which draws a beam from a seed and a displacement in pixels."""
+    # The function `draw`, which draws a beam from a seed and a displacement in pixels.
     return draw
 
 
 @pytest.fixture
 def pictures(files: Path) -> Path:
-    """A folder with four images in `frames/`, their currents in states.csv, and the TOML files of a bench."""
+    # A folder with four images in `frames/`, their currents in states.csv, and the TOML files of a bench.
     folder = files / "frames"
     folder.mkdir()
     lines = ["frame,current_A"]
@@ -130,8 +130,7 @@ def pictures(files: Path) -> Path:
 
 @pytest.fixture
 def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str]]:
-    """Return a function that runs an `eimi` command in this process and returns its exit status and standard error."""
-
+    # Return a function that runs an `eimi` command in this process and returns its exit status and standard error.
     def run(*arguments: object) -> tuple[int, str]:
         monkeypatch.setattr(sys, "argv", ["eimi", *map(str, arguments)])
         with pytest.raises(SystemExit) as exit_:
@@ -148,10 +147,8 @@ BEGAN_S = 100_000.0
 
 
 class DrawnCamera:
-    """A replacement for a camera: its frames show a beam that swings after each change of the current.
-
-    event: function that is called with the number of each frame before the frame is taken.
-    """
+    # A replacement for a camera: its frames show a beam that swings after each change of the current.
+    # event: function that is called with the number of each frame before the frame is taken.
 
     def __init__(self, coil: CoilSupply, clock: SimulatedClock, draw: Callable[..., np.ndarray]) -> None:
         self.coil, self.clock, self.draw = coil, clock, draw
@@ -199,7 +196,7 @@ class Setup:
     def run(
         self, *, remark: Callable[[str], None] = tell, on_event: OnEvent = ignore_event, **options: Any
     ) -> list[str]:
-        """Run the protocol on this bench; return the printed lines, one for each state."""
+        # Run the protocol on this bench; return the printed lines, one for each state.
         messages: list[str] = []
         terminal = on_terminal(messages.append, remark)
 
@@ -243,7 +240,7 @@ def setup(files: Path, frame: Callable[..., np.ndarray]) -> Setup:
 
 @pytest.fixture
 def dataset(files: Path) -> Path:
-    """A dataset with two states of a drawn beam; the second one has the warning NOT_SETTLED (the beam still moved)."""
+    # A dataset with two states of a drawn beam; the second one has the warning NOT_SETTLED (the beam still moved).
     header = Header(load_specimen(files / "specimen.toml"), load_calibration(files / "calibration.toml"))
     rng = np.random.default_rng(0)
     image = np.full((96, 128), 210.0)
@@ -263,7 +260,7 @@ def dataset(files: Path) -> Path:
 
 @pytest.fixture
 def bench(files: Path, frame: Callable[..., np.ndarray]) -> Path:
-    """A folder with a protocol, a specimen, and enough images of a beam at rest for a whole run."""
+    # A folder with a protocol, a specimen, and enough images of a beam at rest for a whole run.
     recording = files / "recording"
     recording.mkdir()
     for number in range(PICTURES):

@@ -28,7 +28,7 @@ YOUNG_PA, FORCES_N = 104e9, (1.0, 2.0, 4.0)
 
 @pytest.fixture
 def rod(tmp_path: Path) -> Path:
-    """A folder with points.csv, states.csv and rod.toml of a steel rod with a dial gauge at its tip."""
+    # A folder with points.csv, states.csv and rod.toml of a steel rod with a dial gauge at its tip.
     sag_mm = [force * 300.0**3 / (3 * 1e-6 * YOUNG_PA * 5.0**4 / 12) for force in FORCES_N]
     rows = [f"{k},tip,300,0,300,{sag:.4f},0.005" for k, sag in enumerate(sag_mm)]
     (tmp_path / "points.csv").write_text("\n".join(["state,point,x0_mm,y0_mm,x_mm,y_mm,sigma_mm", *rows]) + "\n")

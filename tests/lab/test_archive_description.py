@@ -21,7 +21,7 @@ from eimi_lab.publishing.contents import PublishedFile, gather, without_dataset
 
 
 class Fit:
-    """A fit of one or two datasets, with the attributes that an archive states."""
+    # A fit of one or two datasets, with the attributes that an archive states.
 
     def __init__(self, model: str, value: float, interval: tuple[float, float] | None, *hashes: str) -> None:
         self.model, self.versions = model, {"eimi-lab": "0.2", "numpy": "2"}

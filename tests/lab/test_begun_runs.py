@@ -24,7 +24,7 @@ NUMBERS = iter(range(1000))
 
 
 class Opened:
-    """Stand-ins for all parts that `acquire` opens; `calls` lists how they were called."""
+    # Stand-ins for all parts that `acquire` opens; `calls` lists how they were called.
 
     def __init__(
         self,

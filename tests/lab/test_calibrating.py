@@ -30,7 +30,7 @@ TURNS = [(0, 0, 1.2), (25, 0, 2), (-25, 5, -3), (0, 30, 5), (5, -30, 0), (20, 20
 
 
 def board_texture(board):
-    """Return the brightness of a board on a fine grid, and the number of cells of this grid per mm."""
+    # Return the brightness of a board on a fine grid, and the number of cells of this grid per mm.
     cells = 20
     if board.kind == "circles":
         x, y = np.meshgrid(*(np.arange(cells * n) % cells + 0.5 for n in (board.columns, board.rows)))
@@ -42,20 +42,16 @@ def board_texture(board):
 
 @lru_cache
 def camera_rays(dx, dy, bent):
-    """Return the directions (right, down, away) of the light through n pixels, (n, 3).
-
-    dx, dy: shift from the centre of the pixel in px. bent: whether the lens has distortion.
-    """
+    # Return the directions (right, down, away) of the light through n pixels, (n, 3).
+    # dx, dy: shift from the centre of the pixel in px. bent: whether the lens has distortion.
     place = np.indices(SIZE[::-1])[::-1].reshape(2, -1).T + np.array([dx, dy])
     rays = cv2.undistortPoints(place.reshape(-1, 1, 2), MATRIX, DISTORTION if bent else np.zeros(5))[:, 0]
     return np.column_stack([rays, np.ones(len(rays))])
 
 
 def view(board, turn_deg, stand_off=STAND_OFF, seed=0, bent=True):
-    """Return the picture of a board, whose midpoint is on the optical axis.
-
-    turn_deg: rotations about x, y and z. stand_off: distance from the camera. bent: whether the lens has distortion.
-    """
+    # Return the picture of a board, whose midpoint is on the optical axis.
+    # turn_deg: rotations about x, y and z. stand_off: distance from the camera. bent: whether the lens has distortion.
     turn = np.eye(3)
     for axis, angle in zip(np.eye(3), np.radians(turn_deg), strict=True):
         turn = cv2.Rodrigues(axis * angle)[0] @ turn
@@ -153,10 +149,8 @@ def test_the_width_of_the_beam_gives_the_scale(run, tmp_path, lit):
 
 
 def thread(angle_deg, width_px=6.0, bob=True):
-    """Render a dark plumb line in a picture of 1280 x 1024 px, with a weight at its end if `bob` is True.
-
-    angle_deg: direction, clockwise from +x.
-    """
+    # Render a dark plumb line in a picture of 1280 x 1024 px, with a weight at its end if `bob` is True.
+    # angle_deg: direction, clockwise from +x.
     angle = np.radians(angle_deg)
     along, aside = np.array([np.cos(angle), np.sin(angle)]), 0.5 * np.array([-np.sin(angle), np.cos(angle)])
     middle = np.array([600.0, 480.0])

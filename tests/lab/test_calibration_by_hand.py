@@ -205,7 +205,7 @@ def test_the_tilt_is_the_mean_slope_of_the_first_halves() -> None:
 
 
 def thread(angle_deg: float) -> Array:
-    """Return a picture, 160 x 200 px, with a thread of 2.4 px through its middle."""
+    # Return a picture, 160 x 200 px, with a thread of 2.4 px through its middle.
     y, x = np.mgrid[0:200, 0:160].astype(float)
     angle = math.radians(angle_deg)
     aside = (x - 80.0) * -math.sin(angle) + (y - 100.0) * math.cos(angle)
@@ -244,7 +244,7 @@ def test_a_thread_gives_the_direction_of_gravity(
 
 
 def drawn_board(board: Board, cell_px: int = 3) -> Array:
-    """Return a sharp picture of a board with a margin of one square."""
+    # Return a sharp picture of a board with a margin of one square.
     dark = np.pad(board.cells(), 10)
     image = np.kron(np.where(dark, 20.0, 220.0), np.ones((cell_px, cell_px)))
     return np.rint(cv2.GaussianBlur(image, (0, 0), 0.8)).astype(np.uint8)
@@ -308,7 +308,7 @@ def test_a_board_that_cannot_be_made_is_refused(size: tuple[int, int], square_mm
 
 
 def seen_boards(turns: tuple[tuple[float, float], ...]) -> tuple[list[tuple[Array, Array]], Array]:
-    """Return points of a board in several views through a lens, and the camera matrix of the lens."""
+    # Return points of a board in several views through a lens, and the camera matrix of the lens.
     matrix = np.array([[900.0, 0.0, 330.0], [0.0, 900.0, 250.0], [0.0, 0.0, 1.0]])
     x, y = np.meshgrid(4.0 * np.arange(9), 4.0 * np.arange(7))
     board = np.column_stack([x.ravel(), y.ravel()])

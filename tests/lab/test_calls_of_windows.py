@@ -22,7 +22,7 @@ HANDLE = 0x1_0000_0010
 
 
 class Function:
-    """A function of kernel32.dll: it records its arguments, and returns what the test wants."""
+    # A function of kernel32.dll: it records its arguments, and returns what the test wants.
 
     def __init__(self, name: str, calls: list[tuple[Any, ...]], does: Callable[..., int]) -> None:
         self.name, self.calls, self.does = name, calls, does
@@ -36,7 +36,7 @@ class Function:
 
 
 class Kernel:
-    """A replacement for kernel32.dll; its functions return 0 unless `does` gives another function."""
+    # A replacement for kernel32.dll; its functions return 0 unless `does` gives another function.
 
     def __init__(self) -> None:
         self.calls: list[tuple[Any, ...]] = []
@@ -58,7 +58,7 @@ def kernel() -> Kernel:
 
 @pytest.fixture
 def console() -> SimpleNamespace:
-    """A replacement for the module msvcrt, with the waiting keys and the shown characters."""
+    # A replacement for the module msvcrt, with the waiting keys and the shown characters.
     keys: list[str] = []
     shown: list[str] = []
     return SimpleNamespace(
@@ -74,7 +74,7 @@ def console() -> SimpleNamespace:
 
 @pytest.fixture
 def on_windows(monkeypatch: pytest.MonkeyPatch, kernel: Kernel, console: Any) -> Callable[[str], ModuleType]:
-    """A function that loads a module, given by its full name, as on Windows."""
+    # A function that loads a module, given by its full name, as on Windows.
     monkeypatch.setattr(ctypes, "WinDLL", lambda name: kernel, raising=False)
     monkeypatch.setattr(ctypes, "WinError", lambda: OSError("not a pipe"), raising=False)
     monkeypatch.setattr(ctypes, "WINFUNCTYPE", ctypes.CFUNCTYPE, raising=False)
@@ -102,7 +102,7 @@ Load = Callable[[str], ModuleType]
 
 
 def in_a_job(flags: int) -> Callable[..., int]:
-    """Return a replacement for QueryInformationJobObject, for a process in a job with LimitFlags `flags`."""
+    # Return a replacement for QueryInformationJobObject, for a process in a job with LimitFlags `flags`.
     # JOBOBJECT_EXTENDED_LIMIT_INFORMATION has number 9, 144 bytes on 64-bit Windows, and LimitFlags after two times of
     # 64 bits.
 

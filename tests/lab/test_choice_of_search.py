@@ -98,7 +98,7 @@ def test_followed_edges_are_given_in_mm_with_the_left_one_at_negative_y() -> Non
 
 @pytest.fixture
 def given(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-    """Replace the search along the beam, and return the list of its arguments."""
+    # Replace the search along the beam, and return the list of its arguments.
     arguments: list[Any] = []
 
     def follow(*values: Any) -> FollowedBeam:
@@ -191,7 +191,7 @@ def test_weights_of_colours_are_used_if_the_calibration_asks_for_them(given: lis
 
 
 class Silhouettes:
-    """Stand-in for the search for a silhouette; class attributes are its results."""
+    # Stand-in for the search for a silhouette; class attributes are its results.
 
     outlined: Any = None
     of_outline: dict[str, float]

@@ -21,11 +21,9 @@ RULE = Ramp(rate_A_per_s=0.5, step_A=0.1, tolerance_A=0.02, down_within_s=2.0)
 
 
 class Supply:
-    """A replacement for a supply in simulated time.
-
-    exchange_s: duration (s) of each exchange that sends a set-point. meter: function from set-point (A) and time (s) to
-    the measured current (A).
-    """
+    # A replacement for a supply in simulated time.
+    # exchange_s: duration (s) of each exchange that sends a set-point. meter: function from set-point (A) and time (s)
+    # to the measured current (A).
 
     limits = Limits(2.0, 10.0)
     without_contact = "it stays on"
@@ -156,7 +154,7 @@ def test_swapped_leads_change_the_sign_of_every_current() -> None:
 
 
 def watched(supply: Supply, coil: Coil, seconds: float, **options: Any) -> list[float]:
-    """Let a run watch its coil for some seconds; return the times (s) at which the current was measured."""
+    # Let a run watch its coil for some seconds; return the times (s) at which the current was measured.
     supply.measured_s.clear()
     supply.checked_s.clear()
     for _ in range(round(seconds / 0.1)):

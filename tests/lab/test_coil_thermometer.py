@@ -51,7 +51,7 @@ def test_the_temperature_of_a_warming_coil_is_that_of_its_copper():
 
 
 def with_coil(setup: Any, more: str = "") -> None:
-    """Change a bench: the coil warms up quickly, and its resistance gives its temperature."""
+    # Change a bench: the coil warms up quickly, and its resistance gives its temperature.
     path = setup.path.with_name("rig.toml")
     path.write_text(f"{setup.rig.text}\n{COIL}\n{more}\n")
     setup.rig = load_rig(path)

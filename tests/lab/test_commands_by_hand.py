@@ -40,7 +40,7 @@ ACCEPTED = Path(__file__).parent / "accepted" / "commands.txt"
 
 
 def described_command(command: Callable[..., Any]) -> list[str]:
-    """Return a line for each argument of a command: its names, default, range, and whether it is hidden."""
+    # Return a line for each argument of a command: its names, default, range, and whether it is hidden.
     lines = []
     for name, parameter in inspect.signature(command, eval_str=True).parameters.items():
         *_, option = getattr(parameter.annotation, "__metadata__", (SimpleNamespace(),))
@@ -65,7 +65,7 @@ def test_the_arguments_of_every_command_are_as_accepted(tmp_path: Path) -> None:
 
 @pytest.fixture
 def called(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Replace functions by paths, and return the list of their calls: name, arguments and keyword arguments."""
+    # Replace functions by paths, and return the list of their calls: name, arguments and keyword arguments.
     calls: list[Any] = []
 
     def replace(path: str, answer: Any = None) -> list[Any]:
@@ -158,7 +158,7 @@ def test_instruments_lists_what_was_found(monkeypatch: pytest.MonkeyPatch, calle
 
 
 class Session:
-    """A replacement for the sessions of emulated instruments."""
+    # A replacement for the sessions of emulated instruments.
 
     made: list[Any] = []  # noqa: RUF012
 
@@ -833,7 +833,7 @@ def test_options_of_tracked_points_place_them() -> None:
 @pytest.mark.parametrize(("as_json", "quiet"), [(False, False), (False, True), (True, False), (True, True)])
 def test_a_result_is_printed_once(capsys: pytest.CaptureFixture[str], as_json: bool, quiet: bool) -> None:
     def command(*, path: Path, count: int = 3) -> Result:
-        """Do it."""
+        # Do it.
         return Result(["a", path], {"count": count, "path": path, "µ": None})
 
     run = printing(command)

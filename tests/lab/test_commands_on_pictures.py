@@ -20,7 +20,7 @@ CLAMP = (320.0, 40.0)
 
 
 class Calibration:
-    """A replacement for a calibration, whose values are those in `values`."""
+    # A replacement for a calibration, whose values are those in `values`.
 
     def __init__(self, **values: Any) -> None:
         self.values = values
@@ -33,7 +33,7 @@ class Calibration:
 
 @pytest.fixture
 def calls(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-    """The calls of the functions that measure a calibration: name and arguments."""
+    # The calls of the functions that measure a calibration: name and arguments.
     made: list[Any] = []
 
     def replace(name: str, answer: Any) -> None:
@@ -191,7 +191,7 @@ def called(monkeypatch: pytest.MonkeyPatch) -> Called:
 
 @pytest.fixture
 def sources(tmp_path: Path) -> dict[str, Path]:
-    """A folder of images, a video, a table of points and an image, and states.csv; all are empty."""
+    # A folder of images, a video, a table of points and an image, and states.csv; all are empty.
     paths = {name: tmp_path / name for name in ("v.mp4", "p.csv", "i.png", "states.csv", "run.h5", "s.toml")}
     for path in paths.values():
         path.write_bytes(b"")

@@ -27,7 +27,7 @@ def add_to_protocol(setup: Any, line: str) -> None:
 
 
 def reached(setup: Any) -> list[float]:
-    """Return a list that collects the set-points (A) from now on, without repetitions."""
+    # Return a list that collects the set-points (A) from now on, without repetitions.
     history: list[float] = []
     take = setup.coil.set_current
 
@@ -41,11 +41,8 @@ def reached(setup: Any) -> list[float]:
 
 
 def softening(draw: Callable[..., np.ndarray], history: list[float]) -> Callable[..., np.ndarray]:
-    """Return a function that draws a beam whose tip moves 2 px farther at 0.3 A after the first cycle.
-
-    history: the set-points (A) so far.
-    """
-
+    # Return a function that draws a beam whose tip moves 2 px farther at 0.3 A after the first cycle.
+    # history: the set-points (A) so far.
     def drawn(seed: int, shift_px: float = 0.0) -> np.ndarray:
         softened = 0.0 in history[history.index(0.3) :] if 0.3 in history else False
         beam = draw(seed, shift_px + 2.0 * softened * (history[-1] / 0.3 if history else 0.0))

@@ -29,7 +29,7 @@ WATCHDOG = (
 
 
 def restless(setup: Any) -> None:
-    """Change a bench: the beam never comes to rest, and the protocol waits a minute for rest."""
+    # Change a bench: the beam never comes to rest, and the protocol waits a minute for rest.
     text = setup.protocol.text.replace("timeout_s = 5.0", "timeout_s = 60.0")
     setup.protocol = parse(Protocol, text, "patient")
     setup.camera.sway_px = 0.5

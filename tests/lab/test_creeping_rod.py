@@ -47,7 +47,7 @@ def test_small_vibrations_and_creep_are_those_of_the_motion_in_time() -> None:
 
 
 def analysed(places_mm: np.ndarray, times_s: np.ndarray) -> Decay:
-    """Return the decay of the vibrations in noisy positions of points, shape (frames, points, 2) in mm."""
+    # Return the decay of the vibrations in noisy positions of points, shape (frames, points, 2) in mm.
     noisy = places_mm + 1e-3 * np.random.default_rng(1).standard_normal(places_mm.shape)
     time_s = np.repeat(times_s[:, None], places_mm.shape[1], axis=1)
     motion = Motion("creep", noisy, 0 * noisy[0], time_s, np.full(time_s.shape, 1e-3))

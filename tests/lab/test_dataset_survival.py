@@ -54,10 +54,8 @@ except StorageFailed as error:
 
 
 def write_until_full(folder: Path, size: int, states: int = 8, settling: int = 0) -> tuple[int, str]:
-    """Write states to a file of at most `size` bytes; return the number of reported states and the text on stderr.
-
-    settling: number of frames in each state before the beam is at rest.
-    """
+    # Write states to a file of at most `size` bytes; return the number of reported states and the text on stderr.
+    # settling: number of frames in each state before the beam is at rest.
     command = [sys.executable, "-c", WRITE_UNTIL_FULL, str(folder), *map(str, (size, states, settling))]
     done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
     assert done.returncode == 0, done.stderr
@@ -91,7 +89,7 @@ def test_a_full_disk_costs_no_stored_state(files: Path, size: int, settling: int
 
 
 def crashed(files: Path) -> Path:
-    """A dataset with at least two states (load steps) that its writer never closed."""
+    # A dataset with at least two states (load steps) that its writer never closed.
     assert write_until_full(files, 70_000)[0] > 1
     return files / "run.h5"
 

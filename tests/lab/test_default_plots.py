@@ -14,7 +14,7 @@ from eimi_lab.vision.edges.edge_set import EdgePoints, EdgeSet
 
 
 def default_plot(path: Path) -> tuple[str, dict[str, Any]]:
-    """Return the name and the contents of the NXdata group to which the `default` attributes lead."""
+    # Return the name and the contents of the NXdata group to which the `default` attributes lead.
     with h5py.File(path, "r") as file:
         group = file
         while "default" in group.attrs:
@@ -24,7 +24,7 @@ def default_plot(path: Path) -> tuple[str, dict[str, Any]]:
 
 
 def put_edges(path: Path) -> None:
-    """Store edges of a beam of 10 mm in all states but the last; the tip moves 1 mm to the right in each state."""
+    # Store edges of a beam of 10 mm in all states but the last; the tip moves 1 mm to the right in each state.
     along = np.linspace(0.5, 10, 20)
     with open_dataset(path) as dataset:
         states = len(dataset.states)

@@ -24,7 +24,7 @@ section = "plane-stress"
 
 @pytest.fixture
 def strip(tmp_path: Path, run) -> Path:
-    """A folder with strip.h5 (points on a silicone strip of 46 kPa) and curve.csv, a tensile test of this material."""
+    # A folder with strip.h5 (points on a silicone strip of 46 kPa) and curve.csv, a tensile test of this material.
     model = BeamModel(Specimen(30.0, 3.0, 10.0, 1070.0, "plane-stress")).refined()
     forces = [0.001, 0.002]
     shapes = model.solve(LAWS["neo-hookean"], np.array([[46e3]]), Loads.along([0.0] * 2, 90.0, 90.0, forces))

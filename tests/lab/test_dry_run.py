@@ -152,7 +152,7 @@ INTERLOCK = Interlock(reading="coil_voltage_V", maximum=8.0)
 
 
 def long_run(setup: Any) -> tuple[list[str], list[str]]:
-    """Return the steps and the details of the dry run of a protocol with ten states and every kind of step."""
+    # Return the steps and the details of the dry run of a protocol with ten states and every kind of step.
     setup.protocol = parse(Protocol, LONG + setup.protocol.text.replace("stop_A = 0.3", "stop_A = 0.9"), "p")
     setup.rig = setup.rig.model_copy(update={"interlocks": (INTERLOCK,)})
     steps: list[str] = []

@@ -348,7 +348,7 @@ def test_the_stated_shape_has_the_widths_of_its_table() -> None:
 
 
 def outline() -> Array:
-    """Return the points of the outline of a rectangular tip 3 mm wide at x = 20 mm, about 0.02 mm apart."""
+    # Return the points of the outline of a rectangular tip 3 mm wide at x = 20 mm, about 0.02 mm apart.
     corners = np.array([[0.0, -1.5], [20.0, -1.5], [20.0, 1.5], [0.0, 1.5]])
     parts = [np.linspace(a, b, max(2, int(np.linalg.norm(b - a) / 0.02))) for a, b in pairwise(corners)]
     return np.vstack(parts)
@@ -467,7 +467,7 @@ def test_knots_without_three_points_in_their_interval_are_left_out() -> None:
 
 
 def edges_with(angle_deg: float, sigma: float = 0.01) -> EdgeSet:
-    """Return two edges of 30 mm whose last 4 mm have the direction `angle_deg`."""
+    # Return two edges of 30 mm whose last 4 mm have the direction `angle_deg`.
     along = np.linspace(0.0, 30.0, 98)
     turn = math.radians(angle_deg)
     bent = np.maximum(along - 26.0, 0.0)

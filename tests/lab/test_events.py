@@ -255,7 +255,7 @@ def test_a_listener_that_fails_ends_the_run_with_the_coil_off(setup: Any) -> Non
 
 @contextmanager
 def emulated(bench: Path, driver: str = "scpi") -> Iterator[CoilSupply]:
-    """Serve an emulated supply, and write rig.toml with its address; yield the supply with its coil."""
+    # Serve an emulated supply, and write rig.toml with its address; yield the supply with its coil.
     coil = CoilSupply(WallClock())
     serving = serve_pty if driver == "korad" else serve_tcp
     with serving(emulate(driver, coil)) as address:

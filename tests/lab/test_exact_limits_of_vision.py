@@ -86,7 +86,7 @@ def test_a_board_is_found_by_12_of_its_points(monkeypatch: pytest.MonkeyPatch) -
 
 
 def from_poses(monkeypatch: pytest.MonkeyPatch, tilt_deg: float, views: int, telecentric: bool = False) -> list[str]:
-    """Return the lines of a calibration from `views` pictures of a board with the given tilt."""
+    # Return the lines of a calibration from `views` pictures of a board with the given tilt.
     paths = [Path(f"{number}.png") for number in range(views)]
     view = (np.zeros((12, 2)), np.ones((12, 2)))
     lens = SimpleNamespace(

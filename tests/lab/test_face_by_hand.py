@@ -30,7 +30,7 @@ ACCEPTED = Path(__file__).parent / "accepted" / "python_functions.txt"
 
 
 def bare(kind: type, **values: Any) -> Any:
-    """Return an object of a class without calling its constructor."""
+    # Return an object of a class without calling its constructor.
     one = object.__new__(kind)
     for name, value in values.items():
         object.__setattr__(one, name, value)
@@ -39,7 +39,7 @@ def bare(kind: type, **values: Any) -> Any:
 
 @pytest.fixture
 def called(monkeypatch: pytest.MonkeyPatch) -> Called:
-    """Return a function that replaces functions of the program and records their calls."""
+    # Return a function that replaces functions of the program and records their calls.
     calls: list[Any] = []
 
     def replace(path: str, answer: Any = None) -> list[Any]:

@@ -42,17 +42,15 @@ REST_MM = np.column_stack([np.linspace(5, 29, 9), np.zeros(9)])
 
 @cache
 def bent_places() -> np.ndarray:
-    """Return nine noisy points on a silicone beam under three tip forces, x and y in mm, shape (3, 9, 2)."""
+    # Return nine noisy points on a silicone beam under three tip forces, x and y in mm, shape (3, 9, 2).
     model = BeamModel(Specimen(30.0, 3.0, 10.0, 1070.0, "plane-strain")).refined()
     shapes = model.solve(LAWS["neo-hookean"], np.array([[46e3]]), Loads.along([0.0] * 3, 90.0, 90.0, FORCES_N))
     return model.positions(shapes, REST_MM)[0] + np.random.default_rng(0).normal(0, 0.005, (3, 9, 2))
 
 
 def write_points(folder: Path, change=lambda places: places) -> None:
-    """Write states.csv, points.csv and strip.toml of a silicone strip under three tip forces.
-
-    change: function that alters the points, shape (3, 9, 2) in mm.
-    """
+    # Write states.csv, points.csv and strip.toml of a silicone strip under three tip forces.
+    # change: function that alters the points, shape (3, 9, 2) in mm.
     places = change(bent_places().copy())
     rows = [
         f"{k},p{i},{REST_MM[i, 0]},{REST_MM[i, 1]},{x:.6f},{y:.6f},0.005"
@@ -66,7 +64,7 @@ def write_points(folder: Path, change=lambda places: places) -> None:
 
 
 def import_points(folder: Path, run, name: str = "strip.h5", **options) -> None:
-    """Import a silicone strip under three forces as the dataset `name`."""
+    # Import a silicone strip under three forces as the dataset `name`.
     write_points(folder, **options)
     tables = ("--states", folder / "states.csv", "--specimen", folder / "strip.toml", "--gravity-angle", "90")
     status, message = run("import", folder / "points.csv", *tables, "-o", folder / name)
@@ -109,7 +107,7 @@ def test_fits_json_contains_a_tensile_curve_and_a_freed_roll_angle(tmp_path: Pat
 
 
 def curve_of_46_kPa(unit: str) -> str:
-    """Return a tensile curve of a material of 46 kPa as CSV text, with `unit` in the header."""
+    # Return a tensile curve of a material of 46 kPa as CSV text, with `unit` in the header.
     rows = [f"{e},{46 * (1 + e - (1 + e) ** -2) + 0.3 * (-1) ** k}" for k, e in enumerate(np.linspace(0.01, 0.5, 40))]
     return "\n".join([f"strain,stress_{unit}", *rows]) + "\n"
 
@@ -250,7 +248,7 @@ def test_wrong_nuisances_and_curves_are_refused_in_one_line(
 
 
 def garbled_state(places):
-    """Return points, shape (3, n, 2), in which the last state is a copy of the first state."""
+    # Return points, shape (3, n, 2), in which the last state is a copy of the first state.
     return np.concatenate([places[:2], places[:1]])
 
 

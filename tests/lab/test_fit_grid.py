@@ -47,7 +47,7 @@ ONE_THREAD = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 @pytest.fixture(scope="module")
 def beams(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with two datasets of one beam of known modulus, with different noise."""
+    # A folder with two datasets of one beam of known modulus, with different noise.
     folder = tmp_path_factory.mktemp("beams")
     text = load_specimen("type1").text.replace(
         'section = "solid"', 'section = "plane-stress"'
@@ -72,7 +72,7 @@ def beams(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def without_times(content: Any) -> Any:
-    """Return the content of fits.json without the durations of the fits."""
+    # Return the content of fits.json without the durations of the fits.
     if isinstance(content, dict):
         return {key: without_times(value) for key, value in content.items() if key != "wall_s"}
     return [without_times(value) for value in content] if isinstance(content, list) else content
@@ -166,7 +166,7 @@ def test_a_grid_ends_if_its_workers_always_die() -> None:
 
 @pytest.fixture
 def dask() -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
-    """Start a local Dask scheduler with two workers; yield its address and the worker processes."""
+    # Start a local Dask scheduler with two workers; yield its address and the worker processes.
     pytest.importorskip("distributed", reason="needs dask.distributed: pip install 'eimi-lab[cluster]'")
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))

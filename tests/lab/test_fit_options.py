@@ -27,7 +27,7 @@ received: list[MoreOptions] = []
 
 @with_fields(MoreOptions)
 def command(output: Output, options: MoreOptions, again: bool = False) -> None:
-    """A replacement for `eimi fit`, which records its options."""
+    # A replacement for `eimi fit`, which records its options.
     received.append(options)
 
 

@@ -114,7 +114,7 @@ ROWS = 50
 def parts(
     sound: Any = None, gain: Any = 0.6, separation: Any = 7.0, edge: Any = None, end: int = 40, **changed: Any
 ) -> tuple[Any, Any, Any]:
-    """Return a strip, a straightened picture and both sides of a beam 20 px wide and 100 px long, as stand-ins."""
+    # Return a strip, a straightened picture and both sides of a beam 20 px wide and 100 px long, as stand-ins.
     both = np.ones((2, ROWS), dtype=bool) if sound is None else sound
     both[:, end:] = False
     edges = np.array([[-0.45], [0.55]]) * np.ones(ROWS) if edge is None else edge

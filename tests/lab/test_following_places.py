@@ -25,7 +25,7 @@ DOWN = np.array([0.0, 1.0])
 
 
 def straight(free_px: float = 5.0, evidence: float = 0.25, largest_cost: float = 2.0) -> CentreLine:
-    """Return a vertical line of 100 px at x = 50, from y = 0."""
+    # Return a vertical line of 100 px at x = 50, from y = 0.
     points = np.column_stack([np.full(101, 50.0), np.arange(101.0)])
     return CentreLine(points, 100.0, np.full(101, free_px), evidence, largest_cost)
 
@@ -177,7 +177,7 @@ def test_the_distance_of_clicks_from_a_path() -> None:
 
 
 def followed(length_px: float = 90.0) -> FollowedBeam:
-    """Return the result of following a vertical path at x = 50 px."""
+    # Return the result of following a vertical path at x = 50 px.
     beam = StatedBeam(np.array([50.0, 0.0]), math.pi / 2.0, 10.0, 100.0)
     working = WorkingPicture(np.zeros((4, 4, 1), np.float32), np.zeros(2), 1.0, beam)
     places = np.column_stack([np.full(10, 50.0), np.linspace(0.0, length_px, 10)])
@@ -267,10 +267,8 @@ def test_the_halo_of_a_reflection_is_removed_too() -> None:
 
 
 def kept_of(change: float, begin: float, scatter: float = 0.0, spacing: float = 0.1) -> list[bool]:
-    """Return which points of an edge are kept if the width of the beam changes at the distance `begin` from the clamp.
-
-    All lengths are in widths of the beam, and the edge is 10 widths long. scatter: deviation of the width.
-    """
+    # Return which points of an edge are kept if the width of the beam changes at the distance `begin` from the clamp.
+    # All lengths are in widths of the beam, and the edge is 10 widths long. scatter: deviation of the width.
     along = np.arange(0.0, 10.0 + 1e-9, spacing)
     widths = 1.0 + np.where(along > begin, change, scatter * (-1.0) ** np.arange(len(along)))
     return as_wide_toward_last(along, widths).tolist()

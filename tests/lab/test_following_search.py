@@ -283,7 +283,7 @@ def test_a_beam_of_six_pixels_is_followed(width_px: float, is_followed: bool) ->
 
 
 def long_beam(length_px: int = 480) -> Any:
-    """Return an image of a beam 16 px wide, the image after it is straightened along the beam, and its two sides."""
+    # Return an image of a beam 16 px wide, the image after it is straightened along the beam, and its two sides.
     image = np.full((length_px + 40, 72, 1), 200.0, np.float32)
     y, x = np.mgrid[0 : length_px + 40, 0:72].astype(float)
     image[..., 0] -= 140.0 * within(x, 28.0, 44.0) * within(y, 20.0, 20.0 + length_px)

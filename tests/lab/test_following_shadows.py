@@ -19,7 +19,7 @@ GROUND, BEAM = (150.0, 160.0, 130.0), (40.0, 60.0, 200.0)
 
 
 def shaded(by: float, wide: float, tint: float = 0.0) -> UnrolledPicture:
-    """Return a beam beside a region that is darker than the surroundings, with a share of the beam's hue."""
+    # Return a beam beside a region that is darker than the surroundings, with a share of the beam's hue.
     region = by * np.array(GROUND) + tint * np.array(BEAM)
     return unrolled(body(BEAM, GROUND, (0.5, 0.5 + wide, tuple(region))))
 

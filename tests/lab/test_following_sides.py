@@ -135,7 +135,7 @@ def test_the_support_is_that_of_a_step_at_the_edge_in_the_image() -> None:
 
 
 def crossing(difference: float, rows: int, columns: slice = slice(None)) -> UnrolledPicture:
-    """Return a grey picture with a brighter body across it, `rows` stations (places along the beam) long."""
+    # Return a grey picture with a brighter body across it, `rows` stations (places along the beam) long.
     colours = np.full((100, 53, 3), 100.0)
     colours[40 : 40 + rows, columns] += difference / math.sqrt(3.0)
     return leave_out_crossings(unrolled(colours))
@@ -214,7 +214,7 @@ def test_the_doubt_about_a_shadow_is_the_larger_of_blur_and_excess_width() -> No
 
 
 def lit(*bands: tuple[float, float], level: float = 250.0, stations: int = 15, channels: int = 3) -> UnrolledPicture:
-    """Return a picture of a beam with bright stripes along it; `bands` are their limits across the beam."""
+    # Return a picture of a beam with bright stripes along it; `bands` are their limits across the beam.
     colours = np.full((60, 53, 3), 90.0)
     for low, high in bands:
         colours[:stations, (low <= ACROSS) & (high >= ACROSS), :channels] = level

@@ -29,7 +29,7 @@ Array = np.ndarray
 
 
 def coloured(kind: Any, *values: int) -> Array:
-    """Return a picture of 9 x 10 px that is zero but for the colours of one pixel."""
+    # Return a picture of 9 x 10 px that is zero but for the colours of one pixel.
     image = np.zeros((9, 10, 3), kind)
     image[4, 5] = values
     return image

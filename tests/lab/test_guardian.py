@@ -33,7 +33,7 @@ from tests.patience import PATIENCE_S
 
 
 class Bench:
-    """A coil with a current, and its emulated supply: a Korad on a pseudo-terminal, or another one over TCP."""
+    # A coil with a current, and its emulated supply: a Korad on a pseudo-terminal, or another one over TCP.
 
     def __init__(self, driver: str) -> None:
         self.coil = CoilSupply(WallClock())
@@ -245,7 +245,7 @@ def test_after_a_standstill_of_run_and_guardian_the_coil_is_switched_off_without
 
 
 def stand_still(coil: Coil, guardian: Guardian, bench: Bench) -> None:
-    """Stop a run and its guardian process for 1.5 s, as a sleeping computer does."""
+    # Stop a run and its guardian process for 1.5 s, as a sleeping computer does.
     with switching_off(coil, guardian) as stop_if_asked:
         stop_if_asked()
         os.kill(guardian._process.pid, signal.SIGSTOP)
@@ -256,7 +256,7 @@ def stand_still(coil: Coil, guardian: Guardian, bench: Bench) -> None:
 
 
 def check_for(guardian: Guardian, seconds: float) -> None:
-    """Let a run check for some seconds whether its guardian process answers."""
+    # Let a run check for some seconds whether its guardian process answers.
     end_s = time.monotonic() + seconds
     while time.monotonic() < end_s:
         guardian.beat()

@@ -20,7 +20,7 @@ WARD = Ward("korad", "COM3", 1.5, 12.0, off_below_A=0.03)
 
 
 class Process:
-    """A replacement for the guardian process; the test reads the messages of the run, and writes the answers."""
+    # A replacement for the guardian process; the test reads the messages of the run, and writes the answers.
 
     def __init__(self) -> None:
         heard, to = os.pipe()

@@ -61,7 +61,7 @@ WARD = Ward("korad", "/dev/nowhere", 1.0, 10.0)
 
 
 class Passing:
-    """A clock that replaces the module `time`; it advances only while the guardian process waits."""
+    # A clock that replaces the module `time`; it advances only while the guardian process waits.
 
     def __init__(self) -> None:
         self.now_s = 1000.0
@@ -81,7 +81,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Passing:
 
 
 class Run:
-    """A run that sends messages to its guardian process at given times."""
+    # A run that sends messages to its guardian process at given times.
 
     def __init__(self, clock: Passing, monkeypatch: pytest.MonkeyPatch) -> None:
         self._clock, self._began_s = clock, clock.now_s
@@ -108,10 +108,8 @@ class Run:
         return False
 
     def decided(self, *messages: tuple[float, bytes]) -> tuple[Takeover | None, Ward, float]:
-        """Return why the guardian process takes over (None after a normal end), for which supply, and when (s).
-
-        messages: pairs of time (s) and message.
-        """
+        # Return why the guardian process takes over (None after a normal end), for which supply, and when (s).
+        # messages: pairs of time (s) and message.
         self._due = list(messages)
         takeover, ward = _wait_until_needed(WARD)
         return takeover, ward, self._clock.now_s - self._began_s
@@ -179,7 +177,7 @@ def test_the_guardian_switches_off_the_supply_that_the_run_named(run: Run) -> No
 
 
 class Attempts:
-    """A replacement for the function that switches the coil off: it raises `errors` first, then may succeed."""
+    # A replacement for the function that switches the coil off: it raises `errors` first, then may succeed.
 
     def __init__(self, clock: Passing, *errors: Exception, succeed: bool) -> None:
         self._clock, self._errors, self._succeed = clock, errors, succeed
@@ -212,7 +210,7 @@ class Process:
 def switched_off(
     monkeypatch: pytest.MonkeyPatch, attempts: Attempts, takeover: Takeover
 ) -> tuple[list[tuple[float, Event]], Process]:
-    """Let the guardian process switch the coil off; return its events with times (s), and the process of the run."""
+    # Let the guardian process switch the coil off; return its events with times (s), and the process of the run.
     monkeypatch.setattr(guardian_process, "_try_once", attempts)
     events: list[tuple[float, Event]] = []
     process = Process()
@@ -288,7 +286,7 @@ def test_a_measured_current_is_in_the_report(monkeypatch: pytest.MonkeyPatch, cl
 
 
 class Supply:
-    """A supply whose output is on although no current flows; if `stays_on`, the output cannot be switched off."""
+    # A supply whose output is on although no current flows; if `stays_on`, the output cannot be switched off.
 
     def __init__(self, stays_on: bool) -> None:
         self.limits = WARD.limits
@@ -349,7 +347,7 @@ class Recorder:
 
 
 class CannotStop:
-    """A coil whose supply fails to switch off."""
+    # A coil whose supply fails to switch off.
 
     unreachable = ""
 
@@ -382,7 +380,7 @@ def test_a_current_that_the_run_cannot_stop_is_reported_and_left_to_the_guardian
 
 
 class Surroundings:
-    """Replacements for what the guardian (the process that watches a run) calls; `done` lists its calls in order."""
+    # Replacements for what the guardian (the process that watches a run) calls; `done` lists its calls in order.
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, takeover: Takeover | None, ends_with_others: bool) -> None:
         self.done: list[object] = []

@@ -46,10 +46,8 @@ OFF = Off(0.001, 0.02)
 
 
 class Recorder:
-    """A replacement for a coil or for its guardian process, which records its calls.
-
-    errors: the error that a method raises, by its name.
-    """
+    # A replacement for a coil or for its guardian process, which records its calls.
+    # errors: the error that a method raises, by its name.
 
     unreachable = ""
     out_of_control = False
@@ -74,7 +72,7 @@ def heeded(did: list[Any], coil: Any, guardian: Any) -> _SignalsHeeded:
 
 
 class Heeding:
-    """A run whose coil records its calls, and the object that handles the signals of the run."""
+    # A run whose coil records its calls, and the object that handles the signals of the run.
 
     def __init__(self) -> None:
         self.did: list[Any] = []
@@ -251,7 +249,7 @@ def test_a_driver_of_an_installed_package_is_not_sent() -> None:
 
 
 class Sensor:
-    """A sensor with prepared readings; None means that the sensor does not answer."""
+    # A sensor with prepared readings; None means that the sensor does not answer.
 
     def __init__(self, unit: str, *values: float | None) -> None:
         self.unit, self.values = unit, list(values)
@@ -316,7 +314,7 @@ def test_sensors_are_described_before_a_run_and_have_the_unit_of_their_quantity(
 
 
 class Traced:
-    """An instrument that records its calls as texts in the list `did`, without repetitions."""
+    # An instrument that records its calls as texts in the list `did`, without repetitions.
 
     def __init__(self, real: Any, name: str, did: list[str], left_out: tuple[str, ...] = ()) -> None:
         self._real, self._name, self._did, self._left_out = real, name, did, left_out

@@ -27,7 +27,7 @@ def png(colour: int = 2, further: bytes = b"") -> bytes:
 
 
 def tiff(order: str, pages: tuple[tuple[int, int], ...], kind: int = 3) -> bytes:
-    """Return a TIFF file without pixels, whose directories contain the sizes of the pages."""
+    # Return a TIFF file without pixels, whose directories contain the sizes of the pages.
     raw = (b"II*\0" if order == "<" else b"MM\0*") + struct.pack(f"{order}I", 8)
     for number, size in enumerate(pages):
         entries = [(255, 0), (256, size[0]), (257, size[1])]

@@ -409,7 +409,7 @@ def test_the_installed_module_imports_pictures(pictures: Path) -> None:
 
 
 def without_coil(files: Path) -> None:
-    """Remove the coil constant and the direction of the field from calibration.toml."""
+    # Remove the coil constant and the direction of the field from calibration.toml.
     lines = (files / "calibration.toml").read_text().splitlines(keepends=True)
     coil = ("coil_constant_mT_per_A", "field_angle_deg")
     (files / "calibration.toml").write_text("".join(line for line in lines if not line.startswith(coil)))

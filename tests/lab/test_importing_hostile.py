@@ -258,7 +258,7 @@ def test_overlays_that_do_not_fit_on_the_disk_leave_no_files(run: Run, files: Pa
 
 
 def within(room: int, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    """Run an `eimi` command that may write files of at most `room` bytes, in another process."""
+    # Run an `eimi` command that may write files of at most `room` bytes, in another process.
     return subprocess.run(
         [sys.executable, "-m", "eimi_lab", *map(str, arguments)],
         capture_output=True,
@@ -344,7 +344,7 @@ def test_dark_frame_and_flat_field_are_stored_with_the_frames(run: Run, files: P
     out = files / "out.h5"
 
     def edges() -> np.ndarray:
-        """Return the n edge points that a fit uses, (x, y) in mm, shape (n, 2)."""
+        # Return the n edge points that a fit uses, (x, y) in mm, shape (n, 2).
         load_evidence(out, flagged=True)
         with open_dataset(out) as dataset:
             return np.concatenate([side.points_mm for e in dataset.edges() or () for side in (e.left, e.right)])

@@ -17,7 +17,7 @@ from tests.lab.test_watched_current import WITHIN_S, restless, spoil_at
 
 
 def with_interlocks(setup: Any, *tables: str) -> None:
-    """Add interlocks (bounds of readings) to the rig file of a bench, and read the file."""
+    # Add interlocks (bounds of readings) to the rig file of a bench, and read the file.
     path = setup.path.with_name("rig.toml")
     path.write_text(setup.rig.text + "".join(f"\n[[interlocks]]\n{table}\n" for table in tables))
     setup.rig = load_rig(path)

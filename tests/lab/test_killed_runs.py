@@ -25,7 +25,7 @@ FOUR_STATES = [0.0, 0.1, 0.2, 0.3]
 
 @dataclass
 class RunEnd:
-    """The exit status of a run, its lines on standard error, and the number of states that were reported as stored."""
+    # The exit status of a run, its lines on standard error, and the number of states that were reported as stored.
 
     status: int
     lines: list[str]
@@ -36,7 +36,7 @@ class RunEnd:
 
 
 def run(bench: Path, driver: str, address: str, after: int, act: Callable[[subprocess.Popen[str]], None]) -> RunEnd:
-    """Run `eimi acquire` in another process; call `act` with this process after `after` stored states."""
+    # Run `eimi acquire` in another process; call `act` with this process after `after` stored states.
     (bench / "rig.toml").write_text(f"""
 name = "emulated"
 calibration = "calibration.toml"

@@ -24,7 +24,7 @@ FITTING_NEEDS = {"numpy", "scipy", "cma"}
 
 
 def modules() -> dict[str, Path]:
-    """Return the file of every module of the three packages, by module name."""
+    # Return the file of every module of the three packages, by module name.
     files = {}
     for package, folder in PACKAGES.items():
         for path in folder.rglob("*.py"):
@@ -37,7 +37,7 @@ MODULES = modules()
 
 
 def imported(path: Path) -> Iterator[str]:
-    """Yield the names of the modules that a module imports, also for type checking only."""
+    # Yield the names of the modules that a module imports, also for type checking only.
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
@@ -50,7 +50,7 @@ def imported(path: Path) -> Iterator[str]:
 
 @pytest.fixture(scope="module")
 def imports() -> dict[str, set[str]]:
-    """The names of the modules that each module imports, by module name."""
+    # The names of the modules that each module imports, by module name.
     return {name: set(imported(path)) for name, path in MODULES.items()}
 
 

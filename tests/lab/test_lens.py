@@ -21,7 +21,7 @@ DEPTH_MM, CENTRE_MM = 5.0, np.array([15.0, 0.0])
 
 @pytest.fixture(scope="module")
 def sides() -> np.ndarray:
-    """The edges of the middle plane of a silicone beam in mm, (7 fields, left and right edge, n points, x and y)."""
+    # The edges of the middle plane of a silicone beam in mm, (7 fields, left and right edge, n points, x and y).
     model = BeamModel(Specimen(30.0, 3.0, DEPTH_MM, 1070.0, "plane-strain", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0)))
     shapes = model.solve(LAWS["neo-hookean"], np.array([[46e3]]), Loads.along(np.linspace(0, 8, 7)))
     return points_on(edge_curves(model, shapes)[0], 8)[:, :, 1:-1]
@@ -76,7 +76,7 @@ def test_a_solid_that_bows_across_its_depth_is_not_mistaken_for_a_lens(stand_off
 
 
 def arc(radius_mm: float, half_mm: float, points: int = 1500) -> EdgeObservation:
-    """Return both edges of a beam that is bent to a circle about (0, -radius), from the top to one radian."""
+    # Return both edges of a beam that is bent to a circle about (0, -radius), from the top to one radian.
     angle = np.linspace(0.0, 1.0, points)
     rays = np.stack([np.sin(angle), np.cos(angle)], axis=1)
     sides = np.array([(radius_mm + half_mm) * rays, (radius_mm - half_mm) * rays]) - [0.0, radius_mm]
@@ -123,10 +123,8 @@ def test_the_stations_and_the_crossings_of_an_edge_are_those_of_its_lines_and_pa
 
 
 def profiles(slope: float, scatter: float = 0.0) -> np.ndarray:
-    """Return profiles of six states: each width is a number of its station, plus `slope` times the distance.
-
-    A curvature of 1 adds 0.7 to the width, and the `scatter` is a change of the slope from state to state.
-    """
+    # Return profiles of six states: each width is a number of its station, plus `slope` times the distance.
+    # A curvature of 1 adds 0.7 to the width, and the `scatter` is a change of the slope from state to state.
     rng = np.random.default_rng(4)
     distance, curvature = rng.uniform(5.0, 20.0, (6, 5)), rng.uniform(0.0, 0.1, (6, 5))
     slopes = slope + scatter * np.array([1.0, -1.0, 0.5, -0.5, 0.2, -0.2])[:, None]

@@ -1,4 +1,4 @@
-"""The remarks, checks and tables of fits are right just below and just above their limits."""
+"""Sentences, checks and tables of fits change exactly at their documented thresholds."""
 
 from __future__ import annotations
 
@@ -139,7 +139,7 @@ def test_a_fit_is_graded_by_its_data_doubts_and_predictions() -> None:
 
 
 def edges_of_a_beam(states: int, stand_off_mm: float, scatter_mm: float = 0.0) -> EdgeObservation:
-    """Return the edges of a beam 4 mm wide and 6 mm deep, seen through an ordinary lens."""
+    # Return the edges of a beam 4 mm wide and 6 mm deep, seen through an ordinary lens.
     # The nearer faces, which bound the beam in the picture, are by half of the depth nearer to the lens than the
     # middle.
     rng, along = np.random.default_rng(1), np.linspace(0.0, 40.0, 81)

@@ -44,7 +44,7 @@ Array = np.ndarray
 
 
 def rough_edge(scatter_px: float, count: int = 60, length_px: float = 240.0) -> StripEdges:
-    """Return an edge along x whose points have exactly the given scatter about a polynomial of degree 7."""
+    # Return an edge along x whose points have exactly the given scatter about a polynomial of degree 7.
     x = np.linspace(0.0, length_px, count)
     offset = np.random.default_rng(4).normal(0.0, 1.0, count)
     offset = np.convolve(np.pad(offset, 4, mode="reflect"), np.hanning(9) / np.hanning(9).sum(), mode="valid")

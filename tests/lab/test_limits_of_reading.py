@@ -24,7 +24,7 @@ INFINITE = -1
 
 @pytest.fixture
 def soft_limits(monkeypatch: pytest.MonkeyPatch) -> dict[int, tuple[int, int]]:
-    """The soft and the hard limits of this process, by number: 7 is the processor time, and 9 the address space."""
+    # The soft and the hard limits of this process, by number: 7 is the processor time, and 9 the address space.
     kept = {7: (INFINITE, INFINITE), 9: (INFINITE, INFINITE)}
     replaced = SimpleNamespace(RLIMIT_CPU=7, RLIMIT_AS=9, RLIM_INFINITY=INFINITE)
     replaced.getrlimit, replaced.setrlimit = kept.__getitem__, kept.__setitem__
@@ -34,7 +34,7 @@ def soft_limits(monkeypatch: pytest.MonkeyPatch) -> dict[int, tuple[int, int]]:
 
 @pytest.fixture
 def meminfo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The path of a file that takes the place of /proc/meminfo."""
+    # The path of a file that takes the place of /proc/meminfo.
     if sys.platform != "linux":
         pytest.skip("has no /proc/meminfo")
     asked = {"/proc/meminfo": tmp_path / "meminfo"}
@@ -123,7 +123,7 @@ def test_a_limit_is_only_lowered(
 
 
 def child(number: int | str) -> list[str]:
-    """Return a command that ends with an exit status (int), or sends a signal (text such as "KILL") to itself."""
+    # Return a command that ends with an exit status (int), or sends a signal (text such as "KILL") to itself.
     if isinstance(number, int):
         return ["sh", "-c", f"echo $0; exit {number}"]
     return ["sh", "-c", f"kill -{number} $$"]

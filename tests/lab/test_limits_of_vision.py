@@ -179,7 +179,7 @@ def test_the_corner_at_the_clamp_is_extrapolated_by_a_line_through_4_points_and_
 
 
 def locate(monkeypatch: pytest.MonkeyPatch, residual: Array, fewest: int = 8, **changed: Any) -> Any:
-    """Return the result of `_locate` on two straight edges of 10 places each, for given fitted steps."""
+    # Return the result of `_locate` on two straight edges of 10 places each, for given fitted steps.
     places = np.linspace(0.0, 90.0, 10)
     curves = [SmoothCurve(np.column_stack([np.linspace(5.0, 95.0, 12), np.full(12, y)]), 1) for y in (20.0, 40.0)]
     values: dict[str, Any] = {
@@ -235,7 +235,7 @@ def test_an_edge_with_too_few_points_is_not_located(monkeypatch: pytest.MonkeyPa
 
 
 def short_silhouette(image: Array) -> Any:
-    """Return the silhouette of a beam of 35 px, 14 px wide, whose clamp is at (60, 26)."""
+    # Return the silhouette of a beam of 35 px, 14 px wide, whose clamp is at (60, 26).
     frame = BeamFrame(CALIBRATION.model_copy(update={"clamp_midpoint_px": (60.0, 26.0)}))
     light = BackLight(np.full((8, 8), 200.0, np.float32), 200.0, 20.0)
     clamp = ClampLine(np.array([60.0, 26.0]), np.array([0.0, 1.0]), 1.0)
@@ -282,7 +282,7 @@ def test_a_faint_step_beside_the_beam_is_not_the_clamp(grey: float, share: float
 
 
 def stored(gamma: float, dark: float = 0.1, blur: float = 1.5, count: int = 24, scatter: float = 0.0) -> Any:
-    """Return lines across an edge that a camera with a gamma has stored: stations, profiles and offsets."""
+    # Return lines across an edge that a camera with a gamma has stored: stations, profiles and offsets.
     u = stations(9.0, 9.0)
     rng = np.random.default_rng(3)
     offset = rng.uniform(-0.5, 0.5, count)

@@ -184,7 +184,7 @@ def test_a_checkpoint_that_cannot_be_read_or_written_is_refused(tmp_path: Path) 
 
 @dataclass(frozen=True)
 class Data:
-    """A stand-in for a dataset: its path, its number of states, and its experiment in words."""
+    # A stand-in for a dataset: its path, its number of states, and its experiment in words.
 
     path: Path
     states: tuple[Any, ...]
@@ -220,7 +220,7 @@ def test_a_grid_has_a_task_for_each_combination(unchecked: list[Any], monkeypatc
 
 @dataclass(frozen=True)
 class Record:
-    """A stand-in for the record of a fit."""
+    # A stand-in for the record of a fit.
 
     of: str
     mean_error_mm: float = 0.01234
@@ -228,7 +228,7 @@ class Record:
 
 
 class Log:
-    """A stand-in for a checkpoint, in which the fit with index 1 is finished."""
+    # A stand-in for a checkpoint, in which the fit with index 1 is finished.
 
     path = Path("log")
 
@@ -247,7 +247,7 @@ class Log:
 
 @pytest.fixture
 def identified(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
-    """The arguments of the searches, which return their arguments at once."""
+    # The arguments of the searches, which return their arguments at once.
     calls: list[dict[str, Any]] = []
 
     def identify(**arguments: Any) -> Any:
@@ -324,7 +324,7 @@ def test_a_search_that_cannot_be_continued_or_is_refused_names_its_file(
 
 @dataclass(frozen=True)
 class Predicted:
-    """A stand-in for a prediction, which counts how often an interval was computed."""
+    # A stand-in for a prediction, which counts how often an interval was computed.
 
     name: str
     intervals: int = 0
@@ -387,13 +387,13 @@ def test_predictions_come_first_without_and_then_with_their_intervals(
 
 
 class Balanced(Prediction[Any]):
-    """A prediction with an equilibrium."""
+    # A prediction with an equilibrium.
 
     has_equilibrium = True  # type: ignore[assignment]
 
 
 class Unbalanced(Prediction[Any]):
-    """A prediction without an equilibrium."""
+    # A prediction without an equilibrium.
 
     has_equilibrium = False  # type: ignore[assignment]
 

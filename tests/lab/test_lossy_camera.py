@@ -36,7 +36,7 @@ pytestmark = needs_aravis
 
 @pytest.fixture(scope="module", autouse=True)
 def alone() -> Iterator[None]:
-    """Hold the lock of the GigE camera until the end of this module."""
+    # Hold the lock of the GigE camera until the end of this module.
     with only_gige_camera():
         yield
 
@@ -48,7 +48,7 @@ def coil() -> CoilSupply:
 
 @pytest.fixture
 def measure(setup: Any, files: Path, coil: CoilSupply) -> Iterator[Callable[..., None]]:
-    """Return a function that runs the protocol of `setup` with the emulated GigE camera and an emulated supply."""
+    # Return a function that runs the protocol of `setup` with the emulated GigE camera and an emulated supply.
     with serve_tcp(emulate("scpi", coil)) as address:
 
         def run(on_event: Callable[[Event], None] = ignore_event, camera: str = "", **options: Any) -> None:
@@ -73,7 +73,7 @@ def served(**camera: Any) -> Any:
 
 
 def every_stored_frame_is_a_picture_of_the_camera(path: Path) -> int:
-    """Assert that every stored frame is as the camera exposed it; return the number of frames."""
+    # Assert that every stored frame is as the camera exposed it; return the number of frames.
     count = 0
     with h5py.File(path) as file:
         for group in ("data", "transients"):

@@ -69,7 +69,7 @@ def test_datasets_that_are_fitted_together_are_compared() -> None:
 
 
 def warmed(time_constant_s: float, rise_K_per_W: float = 8.0) -> tuple[SensorLog, list[float]]:
-    """Return the log of a thermometer at an emulated coil, and the current (A) of each state."""
+    # Return the log of a thermometer at an emulated coil, and the current (A) of each state.
     clock = SimulatedClock()
     coil = CoilSupply(
         clock, resistance_ohm=4.0, thermal_resistance_K_per_W=rise_K_per_W, thermal_time_constant_s=time_constant_s

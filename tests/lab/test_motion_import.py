@@ -26,7 +26,7 @@ REST_MM = np.array([[5.0, 0.5], [10.0, 0.0]])
 
 
 def swing(frames: int = 120) -> np.ndarray:
-    """Return two points in each frame, (frames, 2, 2) in mm, which are held and then vibrate."""
+    # Return two points in each frame, (frames, 2, 2) in mm, which are held and then vibrate.
     time = np.maximum(np.arange(frames) - HELD, 0) / RATE_HZ
     swinging = 1.5 * np.exp(-DECAY_PER_S * time) * np.cos(2 * np.pi * FREQUENCY_HZ * time)
     places = np.repeat(REST_MM[None], frames, axis=0)
@@ -112,7 +112,7 @@ def test_the_stored_amplitudes_are_those_of_the_modes(run: Run, files: Path) -> 
 
 
 def write_c3d(path: Path, places: np.ndarray, other: tuple[float, float]) -> Path:
-    """Write two markers at `places`, and a third at rest at `other` (x, z in mm), into a C3D file."""
+    # Write two markers at `places`, and a third at rest at `other` (x, z in mm), into a C3D file.
     ezc3d = pytest.importorskip("ezc3d")
     capture = ezc3d.c3d()
     capture["parameters"]["POINT"]["UNITS"]["value"] = ["mm"]
@@ -270,7 +270,7 @@ def test_every_option_of_a_motion_reaches_the_function_that_uses_it(
 
 
 def creeping(frames: int = 120) -> np.ndarray:
-    """Return two points in each frame, (frames, 2, 2) in mm, which sink after `HELD` frames."""
+    # Return two points in each frame, (frames, 2, 2) in mm, which sink after `HELD` frames.
     time = (np.arange(frames) - HELD) / RATE_HZ
     sunk = np.where(time >= 0, 1.0 + 0.2 * np.log1p(np.maximum(time, 0) / 0.01), 0.0)
     places = np.repeat(REST_MM[None], frames, axis=0)

@@ -50,7 +50,7 @@ SPECIMEN = load_specimen(Path(__file__).parents[2] / "protocols" / "specimens" /
 
 
 def motion(points: Any, rest: Any, **more: Any) -> Motion:
-    """Return a motion of points in frames that are 0.1 s apart."""
+    # Return a motion of points in frames that are 0.1 s apart.
     places, at_rest = np.array(points, float), np.array(rest, float)
     time_s = np.repeat(0.1 * np.arange(len(places))[:, None], len(at_rest), axis=1)
     return Motion("ring_down", places, at_rest, time_s, np.full(time_s.shape, 0.01), **more)
@@ -112,13 +112,13 @@ def test_the_angle_of_the_tip_is_that_of_the_last_two_points() -> None:
 
 
 def ringing(flick_s: float, time_s: Array) -> Array:
-    """Return the deflection of a beam that is flicked by 10 mm, swings at 5 Hz, and halves its amplitude in 0.5 s."""
+    # Return the deflection of a beam that is flicked by 10 mm, swings at 5 Hz, and halves its amplitude in 0.5 s.
     after = np.maximum(time_s - flick_s, 0.0)
     return (time_s >= flick_s) * 10.0 * 0.5 ** (after / 0.5) * np.cos(2 * np.pi * 5.0 * after)
 
 
 def flicked(*flick_s: float, last_s: float) -> tuple[Array, Array]:
-    """Return the times of frames, 100 in a second, and the places of two points of a beam after several flicks."""
+    # Return the times of frames, 100 in a second, and the places of two points of a beam after several flicks.
     time_s = np.arange(0.0, last_s, 0.01)
     moved = np.zeros(len(time_s))
     for begins in flick_s:
@@ -220,7 +220,7 @@ def test_a_flick_rises_faster_than_it_falls(rise: int, fall: int, abrupt: bool) 
 
 
 def moving_points(frames: int = 40, released: int = 10, step_s: float = 0.1) -> dict[str, Array]:
-    """Return two points of a beam that is held at y = 5 mm until the frame `released`, and then swings."""
+    # Return two points of a beam that is held at y = 5 mm until the frame `released`, and then swings.
     after = np.maximum(np.arange(frames) - released, 0)
     moved = 5.0 * 0.9**after * np.cos(2 * np.pi * after / 6)
     places = np.zeros((frames, 2, 2))
@@ -443,7 +443,7 @@ def test_a_wrong_row_of_a_motion_is_named(
 
 
 def tracked(monkeypatch: pytest.MonkeyPatch, facts: MotionFacts, tool: str = "dltdv", **more: Any) -> Motion:
-    """Return the motion of three markers that swing by 1 mm, at (10, 0), (31, 1.7) and (32, 0) mm at rest."""
+    # Return the motion of three markers that swing by 1 mm, at (10, 0), (31, 1.7) and (32, 0) mm at rest.
     rest = np.array([[10.0, 0.0], [31.0, 1.7], [32.0, 0.0]])
     swing = np.cos(2 * np.pi * np.arange(20) / 5)
     places = np.tile(rest, (20, 1, 1))
@@ -496,7 +496,7 @@ def test_lost_frames_are_told() -> None:
 
 
 class Film3:
-    """A film of three frames at 9.9, 10.0 and 10.1 s; the current was changed at 10 s."""
+    # A film of three frames at 9.9, 10.0 and 10.1 s; the current was changed at 10 s.
 
     middle_px = np.zeros((3, 2, 2))
 
@@ -618,10 +618,8 @@ def test_two_clicks_near_the_horizontal_or_vertical_are_level(tip: tuple[float, 
 
 
 def sagging(share: Array, axis_deg: float, sag_px: float, tip_px: float = 0.0) -> Array:
-    """Return points of a beam 300 px long that leaves (50, 60) px at an angle and bends.
-
-    sag_px, tip_px : deflection of the tip by a uniform load and by a force at the tip
-    """
+    # Return points of a beam 300 px long that leaves (50, 60) px at an angle and bends.
+    # sag_px, tip_px : deflection of the tip by a uniform load and by a force at the tip
     # Timoshenko 1955.
     across = sag_px * (share**4 - 4 * share**3 + 6 * share**2) / 3 + tip_px * (3 * share**2 - share**3) / 2
     axis = math.radians(axis_deg)
@@ -711,7 +709,7 @@ def test_each_point_has_the_time_of_its_row() -> None:
 
 
 class Following:
-    """A tracker that finds the beam in some frames; each frame is a number."""
+    # A tracker that finds the beam in some frames; each frame is a number.
 
     along_mm = np.array([1.0, 2.0])
 
@@ -805,7 +803,7 @@ def test_notes_about_a_film(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 class Bench:
-    """Stand-ins for the parts that read a video of numbered frames; `called` lists what each part was given."""
+    # Stand-ins for the parts that read a video of numbered frames; `called` lists what each part was given.
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, frames: int, coloured: bool, tracked: bool) -> None:
         shape = (2, 2, 3) if coloured else (2, 2)
@@ -1011,7 +1009,7 @@ KEY = b"com.android.capture.fps"
 
 
 def metadata(kind: int, value: bytes, before: tuple[bytes, ...] = (), number: int | None = None) -> bytes:
-    """Return the metadata (box moov) of a video with a value for the frame rate, after other keys."""
+    # Return the metadata (box moov) of a video with a value for the frame rate, after other keys.
     names = [*before, KEY]
     keys = b"".join(box(b"mdta", name) for name in names)
     data = box(b"data", struct.pack(">II", kind, 0) + value)
@@ -1090,7 +1088,7 @@ def readings(value: Any, time_s: Any, state: Any, **sensor: Any) -> SensorLog:
 
 
 def warming(tau_s: float, rise_K: float = 12.0) -> tuple[Array, Array]:
-    """Return the times and temperatures of a coil at its continuous current, from 20 degrees Celsius."""
+    # Return the times and temperatures of a coil at its continuous current, from 20 degrees Celsius.
     time_s = np.linspace(0.0, 600.0, 40)
     return time_s, 20.0 + rise_K * (1.0 - np.exp(-time_s / tau_s))
 

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 @pytest.fixture
 def bench(tmp_path: Path) -> Path:
-    """A folder with the specimen file and the calibration file of the rendered silicone strip."""
+    # A folder with the specimen file and the calibration file of the rendered silicone strip.
     (tmp_path / "strip.toml").write_text(to_toml(STRIP))
     (tmp_path / "level.toml").write_text(to_toml(LEVEL))
     return tmp_path
@@ -40,8 +40,7 @@ def ring_down(bench: Path) -> Motion:
 
 
 def damped(time: Array, place: Array, frequency_Hz: float) -> Array:
-    """Fit a damped oscillation; return mean, amplitude, decay (1/s), frequency (Hz) and phase (rad)."""
-
+    # Fit a damped oscillation; return mean, amplitude, decay (1/s), frequency (Hz) and phase (rad).
     def model(t: Array, mean: float, size: float, decay: float, frequency: float, phase: float) -> Array:
         return np.asarray(mean + size * np.exp(-decay * t) * np.cos(2 * np.pi * frequency * t + phase))
 

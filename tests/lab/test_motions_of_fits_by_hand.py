@@ -107,7 +107,7 @@ def test_static_states_have_the_uncertainty_of_the_fit_and_the_inputs_of_the_pic
 
 
 class Beam:
-    """Replaces a vibrating beam: the frequency is the square root of the modulus and grows with the width."""
+    # Replaces a vibrating beam: the frequency is the square root of the modulus and grows with the width.
 
     def __init__(self, *given: Any) -> None:
         self.given, self.width = given, 0.0

@@ -43,10 +43,8 @@ REST = np.column_stack([np.linspace(5, 24, 6), np.zeros(6)])
 
 @cache
 def places(gravity_deg: float | None = 30.0) -> np.ndarray:
-    """Return six points on a simulated beam in three fields, (3, 6, 2) in mm.
-
-    gravity_deg: direction of gravity in the beam frame; None without gravity.
-    """
+    # Return six points on a simulated beam in three fields, (3, 6, 2) in mm.
+    # gravity_deg: direction of gravity in the beam frame; None without gravity.
     magnet = Magnet(4.0, 3.0, 2.0, 1.2, 7500.0)
     model = BeamModel(Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", magnet)).refined()
     shapes = model.solve(LAWS["neo-hookean"], np.array([[46e3]]), Loads.along(FIELD_MT, 90.0, gravity_deg))
@@ -54,7 +52,7 @@ def places(gravity_deg: float | None = 30.0) -> np.ndarray:
 
 
 def bent() -> Experiment:
-    """Return an experiment (beam model, loads and measured points) of a simulated beam in three fields."""
+    # Return an experiment (beam model, loads and measured points) of a simulated beam in three fields.
     model = BeamModel(Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0)))
     observed = PointObservation(np.tile(REST, (3, 1, 1)), places(), np.full((3, 6), 0.005))
     return Experiment(model, Loads.along(FIELD_MT, 90.0, 30.0), observed)
@@ -63,11 +61,9 @@ def bent() -> Experiment:
 def fit(
     folder: Path, run, *, points=None, fields=FIELD_MT, gravity="30", magnet=MAGNET, name="beam"
 ) -> tuple[int, str]:
-    """Import points, (3, 6, 2) in mm, and fit a law; return the exit status and the last printed line.
-
-    fields: the field in each state (mT). gravity: its direction in degrees. magnet: the table [magnet] of the specimen
-    file.
-    """
+    # Import points, (3, 6, 2) in mm, and fit a law; return the exit status and the last printed line.
+    # fields: the field in each state (mT). gravity: its direction in degrees. magnet: the table [magnet] of the
+    # specimen file.
     rows = [
         f"{k},p{i},{REST[i, 0]},{REST[i, 1]},{x:.6f},{y:.6f},0.005"
         for k, state in enumerate(places() if points is None else points)

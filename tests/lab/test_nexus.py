@@ -32,7 +32,7 @@ POINTS = np.arange(10.0).reshape(5, 2)
 
 
 def faults(path: Path) -> tuple[int, int]:
-    """Return how many warnings and errors the NeXus checker finds."""
+    # Return how many warnings and errors the NeXus checker finds.
     validate.logger.setLevel("INFO")
     return validate.validate_file(str(path))
 

@@ -57,7 +57,7 @@ def image(number: int) -> np.ndarray:
 
 @contextmanager
 def writing(path: Path, states: int) -> Iterator[subprocess.Popen[str]]:
-    """Start a process that stores `states` states in a dataset, and one more for each line on its input."""
+    # Start a process that stores `states` states in a dataset, and one more for each line on its input.
     command = [sys.executable, "-c", WRITER, str(path)]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
         for _ in range(states):
@@ -212,7 +212,7 @@ def test_a_run_whose_file_is_deleted_continues_in_a_new_file(
 
 
 def subprocess_lock(path: Path) -> None:
-    """Lock a dataset in another process, which then ends; raise InputError if the lock is refused."""
+    # Lock a dataset in another process, which then ends; raise InputError if the lock is refused.
     take = "import sys; from eimi_lab.process.writer_lock import WriterLock; from pathlib import Path\n"
     take += "from eimi_lab.process.errors import InputError\ntry:\n    WriterLock(Path(sys.argv[1]))\n"
     take += "except InputError as error:\n    sys.exit(str(error))"

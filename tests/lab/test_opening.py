@@ -35,10 +35,8 @@ class Instrument:
 
 @pytest.fixture
 def bench(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
-    """A rig with replaced instruments.
-
-    done, given: calls and their arguments. missing, broken: names of instruments that fail to open, or to close.
-    """
+    # A rig with replaced instruments.
+    # done, given: calls and their arguments. missing, broken: names of instruments that fail to open, or to close.
     made = SimpleNamespace(done=[], given={}, missing="", broken="")
 
     def context(name: str) -> Any:
@@ -119,7 +117,7 @@ def test_a_sensor_that_cannot_be_closed_is_a_warning(bench: SimpleNamespace) -> 
 
 
 class Copied(SimpleNamespace):
-    """A replacement for a table of a rig file; `model_copy` returns a copy with other values."""
+    # A replacement for a table of a rig file; `model_copy` returns a copy with other values.
 
     def model_copy(self, update: dict[str, Any]) -> Copied:
         return Copied(**(vars(self) | update))

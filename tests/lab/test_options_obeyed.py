@@ -41,7 +41,7 @@ OTHERS: dict[str, Any] = {
 
 @pytest.fixture
 def curve(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The file of a tensile curve in the working directory of the test."""
+    # The file of a tensile curve in the working directory of the test.
     rows = [f"{e:.2f},{60 * (1 + e - (1 + e) ** -2):.4f}" for e in np.linspace(0.02, 0.8, 40)]
     (tmp_path / "curve.csv").write_text("\n".join(["strain,stress_kPa", *rows]) + "\n")
     monkeypatch.chdir(tmp_path)
@@ -49,7 +49,7 @@ def curve(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def options(**changes: Any) -> FitOptions:
-    """Return the options of a fit with `changes`, and with a tensile curve if an option requires one."""
+    # Return the options of a fit with `changes`, and with a tensile curve if an option requires one.
     if changes.keys() & {"tensile", "tensile_window", "tensile_weight"}:
         changes["tensile"] = [Path("curve.csv")]
     return FitOptions(**changes)
@@ -129,8 +129,7 @@ class Reached:
 
 @pytest.fixture
 def reached(monkeypatch: pytest.MonkeyPatch, run: Run) -> Callable[..., tuple[tuple[Any, ...], dict[str, Any]]]:
-    """Return a function that runs a command up to its call of a given function, and returns the arguments."""
-
+    # Return a function that runs a command up to its call of a given function, and returns the arguments.
     def reached(function: str, *arguments: object) -> tuple[tuple[Any, ...], dict[str, Any]]:
         calls: list[Reached] = []
 

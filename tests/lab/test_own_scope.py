@@ -12,7 +12,7 @@ from eimi_lab.process import scope
 
 @pytest.fixture
 def busctl_arguments(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The file to which a replacement for the program busctl writes its arguments."""
+    # The file to which a replacement for the program busctl writes its arguments.
     busctl = tmp_path / "busctl"
     busctl.write_text(f'#!/bin/sh\nprintf "%s\\n" "$@" > {tmp_path}/asked\nexit $(cat {tmp_path}/status)\n')
     busctl.chmod(0o755)

@@ -79,7 +79,7 @@ def dataset(of: Any = None, **more: Any) -> Any:
 
 
 class Frame:
-    """A stand-in for the frame of a beam, which keeps what was asked of it."""
+    # A stand-in for the frame of a beam, which keeps what was asked of it.
 
     asked: list[Any]
 
@@ -571,7 +571,7 @@ def test_fits_of_one_law_are_simulated_together_unless_they_assume_more(monkeypa
 
 @dataclass
 class Identified:
-    """A stand-in for what a fit determines."""
+    # A stand-in for what a fit determines.
 
     noise_mm: float | None = 0.002
     noise_points: float | None = 40.0

@@ -79,7 +79,7 @@ def test_a_cluster_is_tried_at_once_and_has_its_own_workers(monkeypatch: pytest.
 
 
 class Here(Executor):
-    """An executor that runs each task at once in this process, and loses its workers at some submissions."""
+    # An executor that runs each task at once in this process, and loses its workers at some submissions.
 
     def __init__(self, lost: Iterator[bool]) -> None:
         self.lost = lost
@@ -180,7 +180,7 @@ def test_a_worker_ends_with_its_parent_and_collects_garbage_seldom(monkeypatch: 
 
 
 class Cluster:
-    """A replacement for a dask cluster with two workers, whose answers a test can change."""
+    # A replacement for a dask cluster with two workers, whose answers a test can change.
 
     def __init__(self) -> None:
         self.versions = dict.fromkeys(workers.PACKAGES, "1.0")
@@ -210,7 +210,7 @@ class Lost(Exception):
 
 @pytest.fixture
 def dask(monkeypatch: pytest.MonkeyPatch) -> Cluster:
-    """A cluster at the address tcp://host:8786; no scheduler answers at other addresses."""
+    # A cluster at the address tcp://host:8786; no scheduler answers at other addresses.
     made = Cluster()
 
     class Greeting:
@@ -452,7 +452,7 @@ def test_progress_is_hidden_only_within_its_context(capsys: pytest.CaptureFixtur
 
 @pytest.fixture
 def handlers(monkeypatch: pytest.MonkeyPatch) -> dict[int, Any]:
-    """A replacement for the handlers of the signals of this process."""
+    # A replacement for the handlers of the signals of this process.
     kept: dict[int, Any] = {signal.SIGINT: signal.default_int_handler}
     kept |= dict.fromkeys(stopping.TERMINATION, signal.SIG_DFL)
     monkeypatch.setattr(signal, "getsignal", kept.__getitem__)
@@ -753,7 +753,7 @@ def test_a_typed_line_is_read_in_the_foreground_without_waiting(
 
 
 def everything(descriptor: int) -> bytes:
-    """Return all that can be read from a pipe without waiting."""
+    # Return all that can be read from a pipe without waiting.
     os.set_blocking(descriptor, False)
     received = b""
     try:

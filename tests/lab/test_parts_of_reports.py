@@ -29,7 +29,7 @@ from eimi_lab.showing.palette import LINES, MARKERS, PALETTE
 
 
 def body(*cells: Any) -> str:
-    """Return the HTML of the only row of a table."""
+    # Return the HTML of the only row of a table.
     page = str(Elements().table(Table("name", "caption", [""] * len(cells), [cells])))
     return page.partition("<tbody><tr>")[2].partition("</tr></tbody>")[0]
 
@@ -111,7 +111,7 @@ def test_a_table_as_latex() -> None:
 
 
 class NotDrawn(Picture):
-    """A picture that is not saved."""
+    # A picture that is not saved.
 
     embedded = "data:"  # type: ignore[assignment]
 

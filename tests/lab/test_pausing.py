@@ -31,10 +31,8 @@ SWEEP = "start_A = 0.0\nstop_A = 0.3\nstep_A = 0.1"
 
 
 def typist(setup: Any, paused_for: int) -> Callable[[], str | None]:
-    """Return a replacement for a keyboard, on which a user pauses the run in the first state with a current.
-
-    paused_for: how many times the run reads the keyboard before the user ends the pause.
-    """
+    # Return a replacement for a keyboard, on which a user pauses the run in the first state with a current.
+    # paused_for: how many times the run reads the keyboard before the user ends the pause.
     looks: list[bool] = []
 
     def typed() -> str | None:

@@ -18,10 +18,8 @@ Run = Callable[..., tuple[int, str]]
 
 
 def scene(beam: tuple[int, int, int], beside: tuple[int, int, int], seed: int = 0) -> np.ndarray:
-    """Return a noisy picture, (96, 128, 3), of a beam of 16 x 80 px below the pixel (64, 8).
-
-    beam, beside: colours of the beam and of the background (blue, green, red).
-    """
+    # Return a noisy picture, (96, 128, 3), of a beam of 16 x 80 px below the pixel (64, 8).
+    # beam, beside: colours of the beam and of the background (blue, green, red).
     image = np.empty((96, 128, 3))
     image[:] = beside
     image[8:88, 56:72] = beam

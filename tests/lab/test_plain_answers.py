@@ -27,7 +27,7 @@ def silent() -> Any:
 
 
 def run_of(text: str) -> Any:
-    """Return the dataset of a run whose specimen is `text`."""
+    # Return the dataset of a run whose specimen is `text`.
     return SimpleNamespace(
         text=lambda name: text, instruments=lambda: ("A",), frame_format=lambda: (IMAGE.shape, IMAGE.dtype)
     )
@@ -38,7 +38,7 @@ def header(text: str) -> Any:
 
 
 def guardian_that_is_gone() -> Any:
-    """Return a connection to a guardian process that has ended."""
+    # Return a connection to a guardian process that has ended.
     made: Any = Guardian.__new__(Guardian)
     made._to = SimpleNamespace(fileno=lambda: -1)
     return made

@@ -31,7 +31,7 @@ ARGUMENTS = ("dragon_skin_10_quick", "--rig", "virtual")
 
 @pytest.fixture(scope="module")
 def fits(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The results file of a neo-Hookean fit to a silicone strip under two weights."""
+    # The results file of a neo-Hookean fit to a silicone strip under two weights.
     strip = Specimen(30.0, 3.0, 10.0, 1070.0, "plane-stress")
     model, loads = BeamModel(strip), Loads.along([0.0, 0.0], gravity_angle_deg=90.0, tip_force_N=[0.001, 0.002])
     rest = np.column_stack([np.linspace(5, 29, 9), np.zeros(9)])
@@ -132,10 +132,8 @@ def test_an_impossible_plan_is_refused_in_one_line(
 
 
 def planned(fits: Path, folder: Path, run, protocol_A: float, rig_A: float, unsure_A: float = 0.0) -> tuple[str, float]:
-    """Plan a run; return the heading and the highest current (A) of the planned protocol.
-
-    protocol_A, rig_A: limits of the current. unsure_A: standard uncertainty of the current.
-    """
+    # Plan a run; return the heading and the highest current (A) of the planned protocol.
+    # protocol_A, rig_A: limits of the current. unsure_A: standard uncertainty of the current.
     for path in Path("protocols/rigs").glob("virtual*.toml"):
         (folder / path.name).write_text(path.read_text())
     rig, protocol, out = folder / "virtual.toml", folder / "protocol.toml", folder / "planned.toml"
@@ -151,7 +149,7 @@ def planned(fits: Path, folder: Path, run, protocol_A: float, rig_A: float, unsu
 
 
 def half_width(heading: str) -> float:
-    """Return the expected half-width (%) of the interval of the modulus from the heading of a plan."""
+    # Return the expected half-width (%) of the interval of the modulus from the heading of a plan.
     return float(heading.split("±")[1].split("%")[0])
 
 

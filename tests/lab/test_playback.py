@@ -21,7 +21,7 @@ from eimi_lab.vision.check import Flag
 
 
 class Pictures:
-    """A recording of three pictures, whose grey values are 1, 2 and 3."""
+    # A recording of three pictures, whose grey values are 1, 2 and 3.
 
     settings = NO_SETTINGS
 

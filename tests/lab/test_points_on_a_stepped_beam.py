@@ -30,14 +30,14 @@ SIGMA_MM = 0.01
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A folder with specimen.toml, and with states.csv of one state without a field."""
+    # A folder with specimen.toml, and with states.csv of one state without a field.
     (tmp_path / "specimen.toml").write_text(SPECIMEN)
     (tmp_path / "states.csv").write_text("state,field_mT\n0,0\n")
     return tmp_path
 
 
 def dataset_of(folder: Path, rest_mm: np.ndarray, moved_mm: np.ndarray) -> Path:
-    """Import n points with the positions ``rest_mm``, (n, 3), and ``moved_mm``, (n, 2 or more); return the file."""
+    # Import n points with the positions ``rest_mm``, (n, 3), and ``moved_mm``, (n, 2 or more); return the file.
     rows = ["state,point,x0_mm,y0_mm,z_mm,x_mm,y_mm,sigma_mm"]
     for name, rest, moved in zip("abc", rest_mm, moved_mm, strict=False):
         rows.append(",".join(map(str, (0, name, *rest, *moved[:2], SIGMA_MM))))

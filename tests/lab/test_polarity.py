@@ -38,7 +38,7 @@ def with_both(protocol: Protocol, more: str = "") -> Protocol:
 
 @pytest.fixture
 def bench(setup: Any) -> Any:
-    """A bench whose supply cannot reverse its current, with a protocol of both signs of the current."""
+    # A bench whose supply cannot reverse its current, with a protocol of both signs of the current.
     setup.protocol = with_both(setup.protocol)
     return setup
 

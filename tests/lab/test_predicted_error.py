@@ -27,10 +27,8 @@ OTHER = replace(FIRST, length_mm=32.0)
 
 
 def evidence(name: str, stated: Specimen, hidden: Specimen, coil: float, *stated_sources: StatedSource) -> Evidence:
-    """Return a dataset with simulated edges of the beam `hidden`, with a file that describes the beam `stated`.
-
-    coil: true field divided by the field in the file. stated_sources: the uncertainties in the file.
-    """
+    # Return a dataset with simulated edges of the beam `hidden`, with a file that describes the beam `stated`.
+    # coil: true field divided by the field in the file. stated_sources: the uncertainties in the file.
     model, loads = BeamModel(hidden), Loads.along(FIELD_MT)
     real = replace(loads, field_T=coil * loads.field_T)
     shapes = model.solve(LAWS["neo-hookean"], np.array([[TRUTH_PA]]), real)

@@ -40,7 +40,7 @@ settle = { noise_ratio = 1.5, pairs = 2, drift_window_s = 0.5, timeout_s = 5.0 }
 
 @pytest.fixture
 def recorded(tmp_path: Path, request: pytest.FixtureRequest) -> Path:
-    """A dataset with one ring-down (free vibration) and two states with creep; in colour for the parameter "colour"."""
+    # A dataset with one ring-down (free vibration) and two states with creep; in colour for the parameter "colour".
     film = Flick(seconds=0.4)
     images = list(film.frames())
     still = next(iter(Flick(seconds=1 / 120, amplitude_mm=0.0).frames()))

@@ -31,7 +31,7 @@ def image(number: int) -> np.ndarray:
 
 @pytest.fixture
 def two(files: Path) -> dict[str, Path]:
-    """The same dataset before its writer closed it ("crashed") and afterwards ("finished")."""
+    # The same dataset before its writer closed it ("crashed") and afterwards ("finished").
     header = Header(load_specimen(files / "specimen.toml"), load_calibration(files / "calibration.toml"))
     with DatasetWriter(files / "finished.h5", header, Frame(image(0), 0, 0.0)) as writer:
         for k in range(STATES):

@@ -23,7 +23,7 @@ PATH = Path("run.h5")
 
 @pytest.fixture
 def file() -> Iterator[h5py.File]:
-    """A file in memory with a group `entry`."""
+    # A file in memory with a group `entry`.
     with h5py.File("memory.h5", "w", driver="core", backing_store=False) as made:
         made.create_group("entry/data")
         made.create_group("entry/states")

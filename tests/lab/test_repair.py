@@ -44,7 +44,7 @@ def image(number: int) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with run.h5, a dataset of three states with two frames each, and its copy before it was closed."""
+    # A folder with run.h5, a dataset of three states with two frames each, and its copy before it was closed.
     files = tmp_path_factory.mktemp("written")
     header = Header(load_specimen("type1"), load_calibration("virtual_calibration"), sensors=(SENSOR,))
     with DatasetWriter(files / "run.h5", header, Frame(image(0), 0, 0.0)) as writer:
@@ -61,18 +61,18 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def crashed(written: Path, tmp_path: Path) -> Path:
-    """A dataset of three states whose writer did not close it."""
+    # A dataset of three states whose writer did not close it.
     return Path(shutil.copy(written / "crashed.h5", tmp_path))
 
 
 @pytest.fixture
 def finished(written: Path, tmp_path: Path) -> Path:
-    """A dataset of three states, which its writer has closed."""
+    # A dataset of three states, which its writer has closed.
     return Path(shutil.copy(written / "run.h5", tmp_path))
 
 
 def flipped(path: Path, *bits: int) -> Path:
-    """Write a copy of a file in which some bits, counted from the beginning of the file, are flipped."""
+    # Write a copy of a file in which some bits, counted from the beginning of the file, are flipped.
     content = bytearray(path.read_bytes())
     for bit in bits:
         content[bit // 8] ^= 1 << bit % 8
@@ -82,7 +82,7 @@ def flipped(path: Path, *bits: int) -> Path:
 
 
 def in_chunk(path: Path, place: str, number: int) -> tuple[int, int]:
-    """Return the position and the length of a chunk of an array, in bytes."""
+    # Return the position and the length of a chunk of an array, in bytes.
     with h5py.File(path) as file:
         chunk = file[place].id.get_chunk_info(number)
         return chunk.byte_offset, chunk.size
@@ -182,7 +182,7 @@ def test_a_flipped_bit_in_the_names_of_a_heap_is_flipped_back(
 
 
 class Bytes:
-    """A file in memory."""
+    # A file in memory.
 
     def __init__(self, content: bytes) -> None:
         self.content = content
@@ -196,7 +196,7 @@ def message(kind: int, body: bytes) -> bytes:
 
 
 def pointer(address: int, length: int) -> bytes:
-    """Return the message of a header that names a block which continues it."""
+    # Return the message of a header that names a block which continues it.
     return message(0x10, address.to_bytes(8, "little") + length.to_bytes(8, "little"))
 
 
@@ -245,12 +245,10 @@ def test_a_sound_length_is_preferred_to_a_mended_one(
 
 
 def heap(names: bytes, *, flags: int = 2, length: int | None = None, bits: int = 17) -> tuple[bytearray, int]:
-    """Return a file with the header of a heap at 0 and a block of names at 200, and the place of the checksum.
-
-    HDF5 File Format Specification 3.0, III.G: the size of the block is in bytes 112 to 119, and the number of bits of
-    an address in the heap is in byte 128; the checksum is behind the signature, a version (1 byte), an address (8
-    bytes) and the offset of the block.
-    """
+    # Return a file with the header of a heap at 0 and a block of names at 200, and the place of the checksum.
+    # HDF5 File Format Specification 3.0, III.G: the size of the block is in bytes 112 to 119, and the number of bits of
+    # an address in the heap is in byte 128; the checksum is behind the signature, a version (1 byte), an address (8
+    # bytes) and the offset of the block.
     header = bytearray(146)
     place = 13 + -(-bits // 8)
     block = bytearray(b"FHDB\0" + bytes(8) + bytes(place - 13) + bytes(4) + names)
@@ -478,7 +476,7 @@ def test_a_mended_file_is_read_like_a_file(tmp_path: Path) -> None:
 
 
 def copied(path: Path) -> tuple[Any, list[str]]:
-    """Return an open copy of what is readable, and the lines about what was corrected or lost."""
+    # Return an open copy of what is readable, and the lines about what was corrected or lost.
     copy = path.with_name("copy.h5")
     states, lines = recovery.copy_readable(path, copy)
     dataset = open_dataset(copy)
@@ -557,7 +555,7 @@ def test_rows_of_a_state_that_was_not_stored_completely_are_left_out(finished: P
 
 
 class Broken:
-    """A group of HDF5 of which some members, or the attributes, cannot be read."""
+    # A group of HDF5 of which some members, or the attributes, cannot be read.
 
     def __init__(self, group: h5py.Group, *broken: str) -> None:
         self.group, self.broken, self.name, self.id = group, broken, group.name, group.id
@@ -706,7 +704,7 @@ def test_links_and_other_files_are_left_out_and_named(finished: Path) -> None:
 
 
 def recorded(folder: Path) -> Path:
-    """Return a closed dataset with three frames of a recording while the beam settled."""
+    # Return a closed dataset with three frames of a recording while the beam settled.
     protocol: Any = SimpleNamespace(
         transients=SimpleNamespace(frames_per_state=4),
         ring_down=None,

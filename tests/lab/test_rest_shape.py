@@ -33,7 +33,7 @@ FIELD_MT = np.array([0.0, 1.5, 3.0, 4.5])
 
 
 def stated(**keys: str) -> SpecimenFile:
-    """Return the specimen "type1" of the program with other values of the keys of [specimen]."""
+    # Return the specimen "type1" of the program with other values of the keys of [specimen].
     text = "\n".join(line for line in TYPE1.text.splitlines() if line.partition(" ")[0] not in keys)
     for key, value in keys.items():
         text = text.replace("[specimen]", f"[specimen]\n{key} = {value}", 1)
@@ -140,10 +140,8 @@ def test_an_impossible_shape_is_refused_in_one_line(keys, words):
 
 
 def outline_mm(bench: str) -> np.ndarray:
-    """Return the outline of a virtual beam without a current: n points, shape (n, 2), in mm.
-
-    bench: TOML text with the differences between the beam and its file.
-    """
+    # Return the outline of a virtual beam without a current: n points, shape (n, 2), in mm.
+    # bench: TOML text with the differences between the beam and its file.
     rig = load_rig("virtual")
     assert rig.virtual is not None
     silicone = '[silicone."Dragon Skin 10"]\nmodel = "neo-hookean"\nparameters = { mu_Pa = 46390.0 }\n'

@@ -18,7 +18,7 @@ PROTOCOLS = Path(__file__).parents[2] / "protocols"
 
 
 def changed(file: Path, key: str, value: object) -> Path:
-    """Write a copy of a TOML file with another value of one key, beside the file; return the path of the copy."""
+    # Write a copy of a TOML file with another value of one key, beside the file; return the path of the copy.
     lines = [f"{key} = {value}" if line.startswith(f"{key} = ") else line for line in file.read_text().splitlines()]
     beside = file.with_name(f"other_{file.name}")
     beside.write_text("\n".join(lines) + "\n")
@@ -27,7 +27,7 @@ def changed(file: Path, key: str, value: object) -> Path:
 
 @pytest.fixture
 def acquired(setup) -> Path:
-    """A dataset of four states from an emulated bench."""
+    # A dataset of four states from an emulated bench.
     setup.run()
     return setup.path
 

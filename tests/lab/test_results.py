@@ -22,8 +22,7 @@ Eimi = Callable[..., tuple[int, str, str]]
 
 @pytest.fixture
 def eimi(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Eimi:
-    """Return a function that runs a command in this process; it returns exit status, standard output and error."""
-
+    # Return a function that runs a command in this process; it returns exit status, standard output and error.
     def eimi(*arguments: object) -> tuple[int, str, str]:
         monkeypatch.setattr(sys, "argv", ["eimi", *map(str, arguments)])
         with pytest.raises(SystemExit) as exit_:

@@ -20,8 +20,7 @@ from eimi_lab.process.errors import InputError
 
 
 def interrupt(setup: Any, after_A: float) -> list[str]:
-    """Run until the camera fails at the set-point `after_A`; return the messages of the run."""
-
+    # Run until the camera fails at the set-point `after_A`; return the messages of the run.
     def fail(number: int) -> None:
         if setup.coil.state.set_current_A == after_A:
             raise InstrumentDisconnected("memory: unplugged")

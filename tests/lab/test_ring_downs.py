@@ -36,7 +36,7 @@ def middle(image: np.ndarray) -> float:
 
 
 def ring_downs(path: Path) -> list[tuple[Any, list[np.ndarray], Any]]:
-    """Return the current step, images and frame data of each ring-down (free vibration) in a dataset."""
+    # Return the current step, images and frame data of each ring-down (free vibration) in a dataset.
     with open_dataset(path) as dataset:
         return [(step, list(frames.images()), frames) for step, frames in dataset.recorded_ring_downs()]
 

@@ -45,10 +45,8 @@ RAMP = Ramp(rate_A_per_s=1.0, step_A=0.1, tolerance_A=0.02)
 
 
 class FilmedBeam:
-    """A replacement for a camera: its n-th frame shows a beam at the place `place_px(n)`.
-
-    buffered: number of old frames that come first.
-    """
+    # A replacement for a camera: its n-th frame shows a beam at the place `place_px(n)`.
+    # buffered: number of old frames that come first.
 
     def __init__(self, place_px: Callable[[int], float], draw: Callable[..., NDArray[Any]]) -> None:
         self.clock = SimulatedClock()
@@ -80,10 +78,8 @@ def noise_of(draw: Callable[..., NDArray[Any]]) -> Noise:
 
 
 def waited_s(frame: Callable[..., NDArray[Any]], place_px: Callable[[int], float], **changes: Any) -> float:
-    """Return the duration of the wait for rest (s); fail if the beam did not come to rest.
-
-    place_px: function from the number of a frame to the position of the beam. changes: values of the table [settle].
-    """
+    # Return the duration of the wait for rest (s); fail if the beam did not come to rest.
+    # place_px: function from the number of a frame to the position of the beam. changes: values of the table [settle].
     camera = FilmedBeam(place_px, frame)
     result = wait_until_settled(camera, camera.clock, RULE.model_copy(update=changes), noise_of(frame), never)
     assert result.flags == ()
@@ -146,7 +142,7 @@ def test_a_run_discards_frames_that_the_camera_buffered_before_it(setup: Any) ->
 
 
 class Obstinate:
-    """A supply that accepts every set-point but measures another current."""
+    # A supply that accepts every set-point but measures another current.
 
     limits = Limits(1.0, 10.0)
 
@@ -198,7 +194,7 @@ def test_the_run_sends_a_message_before_the_watchdog_of_the_supply_expires(asked
 
 
 class Watcher:
-    """A replacement for the guardian process; it records its calls, and may raise an error."""
+    # A replacement for the guardian process; it records its calls, and may raise an error.
 
     def __init__(self, did: list[str]) -> None:
         self.did, self.lost = did, False
@@ -294,7 +290,7 @@ OFF = [b"ISET1:0.000", b"OUT0", b"ISET1?", b"ISET1?", b"STATUS?", b"STATUS?", b"
 
 
 class Interrupting(KoradDialect):
-    """An emulated supply that sends `signals` signals to the process when the current is set to 0.7 A."""
+    # An emulated supply that sends `signals` signals to the process when the current is set to 0.7 A.
 
     signals = 0
 
@@ -306,10 +302,8 @@ class Interrupting(KoradDialect):
 
 
 def a_korad(clock: SimulatedClock, interruption: Interruption, signals: int = 0) -> tuple[KoradSupply, list[bytes]]:
-    """Return an emulated supply whose output is on, and the list of all messages sent to it.
-
-    signals: number of signals that the emulator sends to this process when the current is set to 0.7 A.
-    """
+    # Return an emulated supply whose output is on, and the list of all messages sent to it.
+    # signals: number of signals that the emulator sends to this process when the current is set to 0.7 A.
     coil = CoilSupply(clock)
     coil.set_voltage(5.0)
     coil.switch(True)

@@ -38,7 +38,7 @@ def imported(run: Run, files: Path, images: list[NDArray[np.uint8]]) -> Path:
 
 
 def content(path: Path) -> dict[str, bytes]:
-    """Return the bytes of each array of a dataset, by name."""
+    # Return the bytes of each array of a dataset, by name.
     arrays: dict[str, bytes] = {}
 
     def keep(name: str, item: h5py.Group | h5py.Dataset) -> None:

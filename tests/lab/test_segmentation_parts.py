@@ -24,7 +24,7 @@ def flag(name: str, severity: Severity = Severity.UNUSABLE) -> Flag:
 
 
 def edges(tip_mm: float | None, *flags: Flag) -> EdgeSet:
-    """Return the edges of a beam whose tip is at (10, tip_mm) mm; no points for None."""
+    # Return the edges of a beam whose tip is at (10, tip_mm) mm; no points for None.
     line = np.zeros((0, 2)) if tip_mm is None else np.array([[0.0, 0.0], [10.0, tip_mm]])
     sides = [EdgePoints(line, np.full(len(line), 0.1 * side)) for side in (1, 2)]
     return EdgeSet(*sides, flags, np.full((4, 2), NAN), "digest", 1.5)
@@ -103,7 +103,7 @@ def test_edges_in_a_region_are_moved_to_their_place_in_the_picture(monkeypatch: 
 
 
 class Opened:
-    """A dataset of two load steps, as `open_dataset` yields it."""
+    # A dataset of two load steps, as `open_dataset` yields it.
 
     states = (
         SimpleNamespace(index=0, field_mT=0.0, flags=()),

@@ -27,10 +27,8 @@ TRUE_MT_PER_A, REMANENT_MT = 4.5, 0.03
 
 
 class Emulated:
-    """Emulated sensors of a bench, to which a test can add faults.
-
-    line, quantity: connection and measured quantity, by the name of the sensor.
-    """
+    # Emulated sensors of a bench, to which a test can add faults.
+    # line, quantity: connection and measured quantity, by the name of the sensor.
 
     def __init__(self, setup: Any, *tables: str) -> None:
         self.line: dict[str, FaultyInstrument] = {}

@@ -42,7 +42,7 @@ measures = "specimen_temperature"
 
 @pytest.fixture
 def connected(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
-    """Replace the servers of all instruments; return a dictionary that receives how they were started."""
+    # Replace the servers of all instruments; return a dictionary that receives how they were started.
     seen: dict[str, Any] = {"served": []}
 
     @contextmanager

@@ -13,10 +13,8 @@ from eimi_lab.vision.settling_statistic import edge_band, edge_pixels, measure_n
 
 
 def camera(rng: np.random.Generator, shift_px: float, electrons: float = 10_000.0) -> np.ndarray:
-    """Return a frame, (200, 300), uint8, of a dark beam with blurred edges, with shot noise.
-
-    shift_px: displacement of the beam. electrons: number at full scale, which determines the noise.
-    """
+    # Return a frame, (200, 300), uint8, of a dark beam with blurred edges, with shot noise.
+    # shift_px: displacement of the beam. electrons: number at full scale, which determines the noise.
     x = np.arange(300) - shift_px
     light = 0.8 * (1 - 0.2 * (x / 300) ** 2)
     beam = 0.06 + 0.94 / (1 + np.exp(-(np.abs(x - 150) - 37) / 0.6))
@@ -61,7 +59,7 @@ def test_the_compared_band_of_pixels_lies_along_the_edges() -> None:
 
 
 def band_of_the_whole_picture(image: np.ndarray) -> np.ndarray:
-    """Return a mask of the pixels within 4 px of gradients above a quarter of the largest one."""
+    # Return a mask of the pixels within 4 px of gradients above a quarter of the largest one.
     smooth = cv2.GaussianBlur(image.astype(np.float32), (0, 0), 1.5)
     steepness = cv2.magnitude(cv2.Sobel(smooth, cv2.CV_32F, 1, 0), cv2.Sobel(smooth, cv2.CV_32F, 0, 1))
     steep = (steepness >= 0.25 * steepness.max()).astype(np.uint8)
@@ -99,7 +97,7 @@ def test_a_stored_band_of_pixels_gives_the_same_ratio() -> None:
 
 
 class Swinging:
-    """A replacement for a camera and a clock; `shifts_px` is the displacement of the beam in each frame."""
+    # A replacement for a camera and a clock; `shifts_px` is the displacement of the beam in each frame.
 
     def __init__(self, shifts_px: list[float]) -> None:
         self._rng, self._shifts_px, self.taken = np.random.default_rng(6), shifts_px, 0

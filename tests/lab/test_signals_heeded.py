@@ -29,7 +29,7 @@ OFF = Off(0.004, 0.02)
 
 
 class Part:
-    """A replacement for a coil or for its guardian process: it records its calls, and raises `errors`."""
+    # A replacement for a coil or for its guardian process: it records its calls, and raises `errors`.
 
     def __init__(self, done: list[Any], **answers: Any) -> None:
         self.done, self.answers = done, answers

@@ -26,7 +26,7 @@ from tests.patience import PATIENCE_S
 
 
 def planar(name: str) -> SpecimenFile:
-    """Return a specimen of the program in plane strain."""
+    # Return a specimen of the program in plane strain.
     text = load_specimen(name).text
     return parse(SpecimenFile, re.sub(r'section = "solid"', 'section = "plane-strain"', text), name)
 

@@ -207,7 +207,7 @@ def test_a_picture_without_a_beam_is_ruled_with_the_expected_beam(
 
 
 class Recorded:
-    """A dataset with two ring-downs and creep in some of its states."""
+    # A dataset with two ring-downs and creep in some of its states.
 
     def __init__(self, **creeping: float) -> None:
         self.path, self.creeping = PATH, creeping

@@ -57,7 +57,7 @@ FLAG = Flag("A", 1.0, 0.0, "clean the lens", Severity.NOTE)
 
 
 class Written:
-    """A writer whose file, arrays and functions note what they are given."""
+    # A writer whose file, arrays and functions note what they are given.
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, stored: int = 3) -> None:
         calls = self.calls = []  # type: list[Any]
@@ -407,7 +407,7 @@ def test_a_copy_goes_to_the_temporary_folder_if_that_of_the_file_fails(
 
 @pytest.fixture
 def entry() -> Iterator[h5py.Group]:
-    """A dataset of 3 states with the frames 0 and 1, 2 and 3, and 4, a sensor, and a recording of three frames."""
+    # A dataset of 3 states with the frames 0 and 1, 2 and 3, and 4, a sensor, and a recording of three frames.
     with h5py.File("memory.h5", "w", driver="core", backing_store=False) as file:
         made = file.create_group("entry")
         put_date(made, "start_time", "2026-01-02T03:04:05+00:00")
@@ -536,7 +536,7 @@ def test_the_chunks_of_all_arrays_are_mended(tmp_path: Path, monkeypatch: pytest
 
 
 class Bytes:
-    """A file in memory, whose places that fit a pattern are found."""
+    # A file in memory, whose places that fit a pattern are found.
 
     def __init__(self, content: bytes) -> None:
         self.content = content

@@ -38,7 +38,7 @@ YEOH = {
 
 
 def fit(model: str, **more: Any) -> Any:
-    """Return a fit to bending with the given attributes only."""
+    # Return a fit to bending with the given attributes only.
     record = FitRecord.__new__(FitRecord)
     names = LAWS[model].parameter_names
     quantities = dict(zip(names, YEOH.values(), strict=False))
@@ -121,7 +121,7 @@ def test_a_ring_down_is_expected_for_the_modulus_only(monkeypatch: pytest.Monkey
 
 @dataclass
 class Choices:
-    """A stand-in for the candidates of a plan, which has chosen the states 2, 0 and 1 of five."""
+    # A stand-in for the candidates of a plan, which has chosen the states 2, 0 and 1 of five.
 
     kind: type
 

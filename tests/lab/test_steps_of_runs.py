@@ -217,7 +217,7 @@ def test_leads_that_a_person_has_to_swap_back_are_told(relay: bool, leads_swappe
 
 
 def stepping_of(calls: list[Any], **more: Any) -> Any:
-    """Return a run of three states whose parts note their calls; it began at 100 s."""
+    # Return a run of three states whose parts note their calls; it began at 100 s.
     coil = Noted(
         calls, "coil", changed_s=130.0, leads_swapped=False, measured_A="measured",
         new_set_points=lambda: [SetPoint(101.0, 0.1, 0.01), SetPoint(103.5, 0.2, 0.02)],
@@ -413,7 +413,7 @@ def test_the_frames_of_a_ring_down_are_stored_after_an_error_too(monkeypatch: py
 
 
 class Swinging:
-    """A camera, a clock and a coil: a frame takes 0.5 s, and the first begins at 10 s; `act` is called before each."""
+    # A camera, a clock and a coil: a frame takes 0.5 s, and the first begins at 10 s; `act` is called before each.
 
     simulated = True
 

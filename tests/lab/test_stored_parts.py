@@ -106,7 +106,7 @@ def same(found: Any, expected: Any) -> None:
 
 
 def edge_set(tip: tuple[float, float] | None, *flags: str, severity: Severity = Severity.UNUSABLE) -> EdgeSet:
-    """Return the edges of a beam 2 mm wide from the clamp to a tip; no points without a tip."""
+    # Return the edges of a beam 2 mm wide from the clamp to a tip; no points without a tip.
     line = np.zeros((0, 2)) if tip is None else np.array([[0.0, 0.0], [tip[0] / 2, tip[1] / 2], list(tip)])
     sides = [
         EdgePoints(line + np.array([0.0, across]) if len(line) else line, np.full(len(line), 0.1))
@@ -560,7 +560,7 @@ def test_points_are_read_as_they_were_written(tmp_path: Path) -> None:
 
 
 class Labelled:
-    """A replacement for the package xarray, which keeps variables, coordinates and attributes of a Dataset."""
+    # A replacement for the package xarray, which keeps variables, coordinates and attributes of a Dataset.
 
     def Dataset(self, *given: Any) -> Any:
         return SimpleNamespace(**dict(zip(("variables", "coordinates", "attributes"), given, strict=True)))
@@ -631,7 +631,7 @@ def test_the_plots_of_a_dataset(entry: h5py.Group) -> None:
 
 
 def dataset_of(kind: str, edges: Any = None) -> Dataset:
-    """Return a dataset of STATES, stored as "points" or "frames" (`kind`), with an angle of gravity of 90 degrees."""
+    # Return a dataset of STATES, stored as "points" or "frames" (`kind`), with an angle of gravity of 90 degrees.
     made = Dataset.__new__(Dataset)
     vars(made).update(kind=kind, states=STATES, specimen=SPECIMEN, path=Path("runs/run.h5"), calibration=None)
     vars(made).update(gravity=True, gravity_angle_deg=90.0, edges=lambda: edges)
@@ -770,7 +770,7 @@ def test_each_part_of_the_file_of_a_run_is_returned(entry: h5py.Group) -> None:
 
 
 class Search:
-    """A replacement for the search: it finds given edges in some states, and records its arguments."""
+    # A replacement for the search: it finds given edges in some states, and records its arguments.
 
     def __init__(self, edge_sets: list[EdgeSet], found: dict[int, EdgeSet]) -> None:
         self.edge_sets, self.found = list(edge_sets), found
@@ -944,7 +944,7 @@ def test_the_fields_change_with_the_coil_constant(
 
 
 class Video:
-    """A replacement for OpenCV's video, with numbered frames at 10 per second."""
+    # A replacement for OpenCV's video, with numbered frames at 10 per second.
 
     def __init__(self, frames: int, opened: bool = True, **properties: float) -> None:
         self.frames, self.at, self.opened, self.released = frames, -1, opened, False
@@ -972,8 +972,7 @@ class Video:
 
 @pytest.fixture
 def film(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Video]:
-    """A function that lets OpenCV open a video of some frames."""
-
+    # A function that lets OpenCV open a video of some frames.
     def made(frames: int, **options: Any) -> Video:
         video = Video(frames, **options)
         monkeypatch.setattr(videos.cv2, "VideoCapture", lambda path: video)
@@ -1120,7 +1119,7 @@ def test_words_and_numbers_of_names() -> None:
 
 
 def of_video(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, every: int | None = None) -> listing.Listing:
-    """Return the frames, listed in a table, of a video of 11 frames at 0, 0.1, ..., 1 s."""
+    # Return the frames, listed in a table, of a video of 11 frames at 0, 0.1, ..., 1 s.
     monkeypatch.setattr(listing, "frame_times", lambda path: 0.1 * np.arange(11))
     (tmp_path / "states.csv").write_text(text)
     return listing.list_frames(tmp_path / "v.mp4", tmp_path / "states.csv", every)

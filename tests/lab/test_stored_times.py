@@ -18,7 +18,7 @@ EVERYTHING = "creep = true\nconditioning = { cycles = 2, current_A = 0.3 }\ntran
 
 
 def times_in(setup: Any) -> dict[str, np.ndarray]:
-    """Return the columns of times (s) in the file of a run, by their paths."""
+    # Return the columns of times (s) in the file of a run, by their paths.
     columns: dict[str, np.ndarray] = {}
 
     def collect(name: str, item: Any) -> None:

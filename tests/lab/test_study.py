@@ -41,7 +41,7 @@ SHORT = Extent(
 
 @pytest.fixture(scope="module")
 def short(tmp_path_factory):
-    """The folder, the inputs and the results of a short study."""
+    # The folder, the inputs and the results of a short study.
     folder = tmp_path_factory.mktemp("short")
     inputs = StudyInputs(SHORT)
     reports = []

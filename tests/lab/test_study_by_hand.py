@@ -23,7 +23,7 @@ KEY = "dragon_skin_10"
 
 
 def stored(*error_um: float | None) -> dict[str, Any]:
-    """Return the stored errors of one law on one specimen, one for each state; `stored(None)` has no equilibrium."""
+    # Return the stored errors of one law on one specimen, one for each state; `stored(None)` has no equilibrium.
     if error_um == (None,):
         return {"error_mm": None, "deviation_mm": None, "edges_mm": None}
     error = [1e-3 * one for one in error_um if one is not None]
@@ -36,10 +36,8 @@ def fitted(law: str, modulus_kPa: float, source: str = "bending", window: str = 
 
 
 def findings(**errors_um: Any) -> Findings:
-    """Return the results of a study of one material, with two laws fitted to bending and two fitted to tension.
-
-    errors_um: for each type of specimen, the errors of the four laws in all states (µm), planar and solid.
-    """
+    # Return the results of a study of one material, with two laws fitted to bending and two fitted to tension.
+    # errors_um: for each type of specimen, the errors of the four laws in all states (µm), planar and solid.
     kinds = ("type1", *errors_um)
     bending = [fitted("neo-hookean", 50.0), fitted("yeoh", 54.0)]
     tension = [fitted("neo-hookean", 60.0, "own", "20 %"), fitted("yeoh", 40.0, "own", "full")]
@@ -187,7 +185,7 @@ def test_a_study_evaluates_evenly_spaced_states() -> None:
 
 
 class Question:
-    """Replaces the simulations and fits in the module `open_questions`, and records the edges of each fit."""
+    # Replaces the simulations and fits in the module `open_questions`, and records the edges of each fit.
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.fits: list[dict[str, Any]] = []

@@ -40,10 +40,8 @@ Serve = Callable[..., tuple[CoilSupply, str]]
 
 @pytest.fixture
 def serve() -> Iterator[Serve]:
-    """Return a function that serves an emulated supply on TCP, and returns the supply and the address.
-
-    resistance_ohm: resistance at the output, by default an open circuit.
-    """
+    # Return a function that serves an emulated supply on TCP, and returns the supply and the address.
+    # resistance_ohm: resistance at the output, by default an open circuit.
     with ExitStack() as stack:
 
         def served(driver: str, resistance_ohm: float = OPEN_OHM) -> tuple[CoilSupply, str]:
@@ -182,8 +180,7 @@ class Watcher:
 
 @pytest.fixture
 def simulated(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[SupplyTrial, CoilSupply, Watcher]]:
-    """Return a function that tries a driver on an emulated Korad in simulated time, with nothing at its output."""
-
+    # Return a function that tries a driver on an emulated Korad in simulated time, with nothing at its output.
     def trial(**changes: Any) -> tuple[SupplyTrial, CoilSupply, Watcher]:
         clock, watcher = SimulatedClock(), Watcher()
         coil = CoilSupply(clock, resistance_ohm=OPEN_OHM)

@@ -45,7 +45,7 @@ def header(files: Path) -> Header:
 
 @pytest.fixture
 def synchronised(monkeypatch: pytest.MonkeyPatch) -> dict[int, bytes]:
-    """The contents of each file when it was last synchronised, by the inode number of the file."""
+    # The contents of each file when it was last synchronised, by the inode number of the file.
     contents: dict[int, bytes] = {}
     fsync = os.fsync
 

@@ -18,7 +18,7 @@ from tests.shared.noted import noted
 
 
 class Stored:
-    """A dataset of a run: its protocol has four states, of which some are stored."""
+    # A dataset of a run: its protocol has four states, of which some are stored.
 
     def __init__(self, **changes: Any) -> None:
         frames = {"kind": "frames", "resumable": True, "finished": True, "states": [1, 2, 3]}

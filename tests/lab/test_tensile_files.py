@@ -174,7 +174,7 @@ def test_a_wrong_window_is_refused(run: Run, curve: Path, window: str) -> None:
 
 @pytest.fixture
 def fits(run: Run, curve: Path) -> Path:
-    """The results file with one neo-Hookean fit and two Yeoh fits of a tensile curve."""
+    # The results file with one neo-Hookean fit and two Yeoh fits of a tensile curve.
     output = curve.with_name("fits.json")
     assert run("tensile", curve, "--model", "yeoh", "--window", "50", "--window", "full", "-o", output)[0] == 0
     nh = curve.with_name("nh.json")

@@ -39,7 +39,7 @@ SERIES = Prony(np.array([[0.08, 0.1]]), np.array([[0.03, 3.0]]))
 
 @pytest.fixture(scope="module")
 def flick() -> tuple[str, float, float]:
-    """A free vibration of a silicone strip as CSV text, and the storage modulus (Pa) and loss factor of the strip."""
+    # A free vibration of a silicone strip as CSV text, and the storage modulus (Pa) and loss factor of the strip.
     specimen = Specimen(40.0, 6.0, 12.0, 1070.0, section="plane-stress")
     beam = RingingBeam(specimen, Loads.along([0.0], gravity_angle_deg=-90.0), LAWS["neo-hookean"], np.ones(1))
     relative = 1 / float(SERIES.long_term[0])

@@ -30,7 +30,7 @@ STATES = "frame,field_mT\n{0},0\n{1},2.5\n"
 
 
 def in_pixels(files: Path) -> np.ndarray:
-    """Return the pixels (x, y) of three points of a beam, first at rest and then bent, shape (2, 3, 2)."""
+    # Return the pixels (x, y) of three points of a beam, first at rest and then bent, shape (2, 3, 2).
     frame = BeamFrame(load_calibration(files / "calibration.toml"))
     return np.stack([frame.to_px(REST_MM), frame.to_px(BENT_MM)])
 
@@ -43,7 +43,7 @@ def imported(run: Run, files: Path, source: Path, tool: str, *options: object, s
 
 
 def check(files: Path, sigma_mm: float, tolerance: float = 1e-4) -> None:
-    """Assert that the imported points have the right places and the deviation `sigma_mm`, and can be fitted."""
+    # Assert that the imported points have the right places and the deviation `sigma_mm`, and can be fitted.
     with open_dataset(files / "out.h5") as dataset:
         assert [state.field_mT for state in dataset.states] == [0.0, 2.5]
         rest, bent = dataset.points()
@@ -57,7 +57,7 @@ def check(files: Path, sigma_mm: float, tolerance: float = 1e-4) -> None:
 
 
 def write_dice(folder: Path, places: np.ndarray) -> Path:
-    """Write files as DICe v1.0-28 does (tests/examples/full_field), with one failed subset; return the folder."""
+    # Write files as DICe v1.0-28 does (tests/examples/full_field), with one failed subset; return the folder.
     folder.mkdir()
     header = "***\n*** Digital Image Correlation Engine (DICe), (git sha1: v1.0-28-g0aaeef) Copyright 2021\n***\n"
     header += "*** Reference image: ./images/ref.tiff \n***\n"
@@ -97,11 +97,9 @@ def test_dice_files_of_subsets_are_imported(run: Run, files: Path) -> None:
 def ncorr_grid(
     places: np.ndarray, spacing: int, pixel: float
 ) -> tuple[np.ndarray, list[tuple[np.ndarray, np.ndarray]]]:
-    """Return tracked points as Ncorr stores them: grid points, and displacements along x and y.
-
-    places: points in px, (pictures, n, 2). spacing: pixels between grid points. pixel: size of a pixel in the unit of
-    the displacements.
-    """
+    # Return tracked points as Ncorr stores them: grid points, and displacements along x and y.
+    # places: points in px, (pictures, n, 2). spacing: pixels between grid points. pixel: size of a pixel in the unit of
+    # the displacements.
     on_grid = np.rint(places[0] / (spacing + 1)).astype(int)
     fields = []
     for there in places[1:]:
@@ -153,7 +151,7 @@ def test_ncorr_files_are_imported(run: Run, files: Path, version: str, pictures:
 
 
 class _Pickler(pickle.Pickler):
-    """A pickler that writes arrays as the package dill does, with which µDIC saves its files."""
+    # A pickler that writes arrays as the package dill does, with which µDIC saves its files.
 
     def reducer_override(self, value: Any) -> Any:
         if isinstance(value, np.ndarray):
@@ -163,7 +161,7 @@ class _Pickler(pickle.Pickler):
 
 
 def as_mudic_saves(monkeypatch: pytest.MonkeyPatch, path: Path, **attributes: Any) -> Path:
-    """Write a pickle of a muDIC.solver.correlate.DICOutput without µDIC, and return its path."""
+    # Write a pickle of a muDIC.solver.correlate.DICOutput without µDIC, and return its path.
     with monkeypatch.context() as context:
         for name in ("muDIC", "muDIC.solver", "muDIC.solver.correlate", "dill", "dill._dill"):
             context.setitem(sys.modules, name, types.ModuleType(name))
@@ -207,7 +205,7 @@ def test_a_hostile_pickle_runs_no_program(run: Run, files: Path, monkeypatch: py
 
 
 def upward(places: np.ndarray) -> np.ndarray:
-    """Convert pixels to coordinates from 1 at the lower left corner of a picture 96 px high, as in DLTdv5 to DLTdv7."""
+    # Convert pixels to coordinates from 1 at the lower left corner of a picture 96 px high, as in DLTdv5 to DLTdv7.
     return np.stack([places[..., 0] + 1.0, 96.0 - places[..., 1]], axis=-1)
 
 
@@ -232,7 +230,7 @@ def test_dltdv_files_are_imported(run: Run, files: Path, ending: str) -> None:
 
 
 def check_orientation(files: Path) -> None:
-    """Assert that the tip of the imported points is on the +y side, and not mirrored."""
+    # Assert that the tip of the imported points is on the +y side, and not mirrored.
     with open_dataset(files / "out.h5") as dataset:
         assert dataset.points()[1].points_mm[2, 1] > 1.9
 

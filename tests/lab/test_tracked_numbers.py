@@ -54,7 +54,7 @@ def same(found: Any, expected: Any) -> None:
 
 
 def refused(act: Callable[[], object], words: str) -> None:
-    """Assert that a function raises an error with `words`, which begins with the name of a file or of an option."""
+    # Assert that a function raises an error with `words`, which begins with the name of a file or of an option.
     with pytest.raises(InputError, match=words) as caught:
         act()
     assert re.match(r"(/[^:]+|t|s|states\.csv|run\.c3d|--[a-z-]+[^:]*): ", str(caught.value))
@@ -220,7 +220,7 @@ def test_mudic_nodes_are_rows_and_frames_columns(tmp_path: Path, monkeypatch: py
 
 
 class Maker:
-    """An object that makes others when a pickle is read."""
+    # An object that makes others when a pickle is read.
 
     def __call__(self, number: int) -> Any:
         return self
@@ -299,7 +299,7 @@ def test_an_unknown_program_is_refused() -> None:
 
 
 def motion(monkeypatch: pytest.MonkeyPatch, **changes: Any) -> None:
-    """Let ezc3d read 3 markers in 2 frames."""
+    # Let ezc3d read 3 markers in 2 frames.
     # The coordinates are 100 * axis + 10 * marker + frame.
     points = np.array([[[100 * a + 10 * m + f for f in (0, 1)] for m in (0, 1, 2)] for a in (1, 2, 3, 4)], dtype=float)
     file: dict[str, Any] = {
@@ -491,7 +491,7 @@ def test_a_wrong_plane_is_refused(plane: str | None) -> None:
 
 
 def calibration(**changes: Any) -> Calibration:
-    """Return a calibration of 8 px/mm with the clamp at (50, 40) px, for a beam that points down in the picture."""
+    # Return a calibration of 8 px/mm with the clamp at (50, 40) px, for a beam that points down in the picture.
     known: dict[str, Any] = {"pixels_per_mm": 8.0, "clamp_px": (50.0, 40.0), "axis_angle_deg": 90.0}
     return Calibration.model_construct(**{**_DEFAULTS, **known, **changes})
 

@@ -23,7 +23,7 @@ FRAME = BeamFrame(CALIBRATION)
 
 
 def tracker(bend: float = 0.0, colour: bool = False, **options: Any) -> BeamTracker:
-    """Return a tracker of the dark beam of a small picture; its first frame has the given bend."""
+    # Return a tracker of the dark beam of a small picture; its first frame has the given bend.
     x = np.linspace(1.0, 11.0, 24)
     middle = bend * x**2 / 12.0
     sides = [EdgePoints(np.column_stack([x, middle + y]), np.full(24, 0.01)) for y in (-1.0, 1.0)]
@@ -37,7 +37,7 @@ def picture(bend: float) -> Array:
 
 
 class Noted:
-    """Stand-ins for two methods of a tracker, which note their arguments."""
+    # Stand-ins for two methods of a tracker, which note their arguments.
 
     def __init__(self, of: BeamTracker, monkeypatch: pytest.MonkeyPatch, found_at: int = 99) -> None:
         self.starts: list[tuple[BeamCurve, float]] = []
@@ -202,7 +202,7 @@ def test_the_nearest_points_and_distances_across() -> None:
 
 
 def of_direction(direction: Any, length: float = 60.0) -> BeamCurve:
-    """Return the curve whose direction at the share s of the length is `direction(s)`."""
+    # Return the curve whose direction at the share s of the length is `direction(s)`.
     share = np.linspace(0.0, 1.0, 200)
     fitted = chebyshev.chebfit(2.0 * share - 1.0, [direction(value) for value in share], DEGREE)
     return BeamCurve(np.array([5.0, 7.0]), fitted, length)

@@ -58,7 +58,7 @@ def test_frames_are_stored_while_the_beam_settles(setup: Any) -> None:
 
 
 class Moved:
-    """A replacement for a coil whose current was changed at 50 s on the clock of the run."""
+    # A replacement for a coil whose current was changed at 50 s on the clock of the run.
 
     changed_s, asked_A = 50.0, 0.3
 

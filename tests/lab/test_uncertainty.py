@@ -20,7 +20,7 @@ PROTOCOLS = Path(__file__).parents[2] / "protocols"
 
 
 def text_of(name: str, table: str = "") -> str:
-    """Return the text of a file that the program contains, with `table` in place of its table [uncertainty]."""
+    # Return the text of a file that the program contains, with `table` in place of its table [uncertainty].
     before, _, _ = (PROTOCOLS / name).read_text(encoding="utf-8").partition("[uncertainty]")
     return before + (f"[uncertainty]\n{table}\n" if table else "")
 

@@ -90,7 +90,7 @@ def test_the_steps_grow_after_the_motion_and_end_at_the_asked_time() -> None:
 
 
 def test_a_weak_field_moves_the_beam_in_the_same_way_as_a_stronger_one() -> None:
-    """The permitted error of a step is relative to the motion: motions in weak fields are proportional to the field."""
+    # The permitted error of a step is relative to the motion: motions in weak fields are proportional to the field.
     swings = []
     for field_mT in (0.001, 0.1):
         beam = MovingBeam(BEAM, STIFFNESS, 50e3, None, along_gravity, 0.1)

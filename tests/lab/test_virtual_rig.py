@@ -28,7 +28,7 @@ def specimen() -> SpecimenFile:
 
 
 def rig(seed: int = 1, **of_calibration: Any) -> Rig:
-    """Return the program's own virtual rig with a coarse mesh, small frames, and changed values of the calibration."""
+    # Return the program's own virtual rig with a coarse mesh, small frames, and changed values of the calibration.
     shipped = load_rig("virtual")
     assert shipped.virtual is not None
     virtual = shipped.virtual.model_copy(
@@ -40,7 +40,7 @@ def rig(seed: int = 1, **of_calibration: Any) -> Rig:
 
 
 def frame_and_readings(of: Rig, specimen: SpecimenFile, current_A: float = 0.0) -> tuple[NDArray[Any], list[float]]:
-    """Return a frame at a current (A), and six currents (A) that the supply measures."""
+    # Return a frame at a current (A), and six currents (A) that the supply measures.
     supply, camera, clock, _ = open_virtual_rig(of, specimen)
     supply.set_voltage(of.supply.limits.voltage_V)
     supply.set_current(current_A)
@@ -69,7 +69,7 @@ def test_the_virtual_camera_takes_frames_at_its_frame_rate(specimen: SpecimenFil
 
 
 def middle_px(image: NDArray[Any]) -> float:
-    """Return the column (px) of the middle of the opaque magnet, in rows near the tip."""
+    # Return the column (px) of the middle of the opaque magnet, in rows near the tip.
     dark = image[80:92] < 0.25 * np.percentile(image, 90)
     return float(np.nonzero(dark)[1].mean())
 

@@ -39,10 +39,8 @@ def calibration_with(**help_given: object) -> object:
 
 
 def scattered(along: Array, seed: int) -> Array:
-    """Return n points of a wavy edge with a scatter of 0.5 px: (x, y) in px, shape (n, 2).
-
-    along: the n positions along the edge in px.
-    """
+    # Return n points of a wavy edge with a scatter of 0.5 px: (x, y) in px, shape (n, 2).
+    # along: the n positions along the edge in px.
     rng = np.random.default_rng(seed)
     return np.column_stack([along, 25.0 * np.sin(along / 140.0) + 0.5 * rng.standard_normal(len(along))])
 
@@ -87,10 +85,8 @@ def test_positions_are_converted_between_the_scaled_picture_and_the_image() -> N
 
 
 def sampled(colours: Array, turn_rad: float = 0.0) -> UnrolledPicture:
-    """Return a noisy picture of a beam, as grey values at places along the beam and 53 points across it.
-
-    colours: grey values without noise, (n, 53). turn_rad: curvature of the beam times its width.
-    """
+    # Return a noisy picture of a beam, as grey values at places along the beam and 53 points across it.
+    # colours: grey values without noise, (n, 53). turn_rad: curvature of the beam times its width.
     stations = len(colours)
     along = np.arange(stations) / 12.0
     angle = turn_rad * along
@@ -109,7 +105,7 @@ def sampled(colours: Array, turn_rad: float = 0.0) -> UnrolledPicture:
 
 
 def bright_beam(stations: int) -> Array:
-    """Return the grey values, (stations, 53), of a bright beam (200) on a dark background (50)."""
+    # Return the grey values, (stations, 53), of a bright beam (200) on a dark background (50).
     return np.tile(np.where(np.abs(np.arange(-26, 27)) < 12, 200.0, 50.0), (stations, 1))
 
 
@@ -305,7 +301,7 @@ def test_corners_found_in_a_region_are_in_pixels_of_the_whole_picture() -> None:
 
 
 def shadowed(softness_px: float) -> Array:
-    """Return a grey picture of a beam with the border of a shadow 6 px to its right, blurred by `softness_px`."""
+    # Return a grey picture of a beam with the border of a shadow 6 px to its right, blurred by `softness_px`.
     image = np.full((720, 960), 200.0)
     image[95:516, 459:507] = 90.0
     image = cv2.GaussianBlur(image, (0, 0), softness_px)

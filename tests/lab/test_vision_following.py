@@ -65,11 +65,9 @@ def test_the_border_of_a_shadow_is_avoided_in_colour_and_doubtful_in_grey(seed):
 
 
 def on_its_shadow(widest: float, blur_px: float, tint: float):
-    """Draw a yellow beam that hangs in front of a grey wall, with its shadow on its right.
-
-    widest: largest width of the shadow, in widths of the beam. blur_px: standard deviation. tint: share of the beam's
-    colour in the shadow.
-    """
+    # Draw a yellow beam that hangs in front of a grey wall, with its shadow on its right.
+    # widest: largest width of the shadow, in widths of the beam. blur_px: standard deviation. tint: share of the beam's
+    # colour in the shadow.
     y, x = np.mgrid[0:280, 0:220].astype(float)
     wall, beam = np.array([152.0, 161.0, 167.0]), np.array([32.0, 89.0, 107.0])
     along = (y - 20.0) / 210.0
@@ -282,10 +280,8 @@ def stripes(*shown, aside_px=0.0):
 
 
 def followed_in(run, files, *states, aside_px=(0.0,) * 9, workers=1, along=()):
-    """Segment pictures with two stripes; return the colour of the stripe that was taken as the beam in each state.
-
-    states: the stripes in each picture. aside_px: shift of the pictures to the right.
-    """
+    # Segment pictures with two stripes; return the colour of the stripe that was taken as the beam in each state.
+    # states: the stripes in each picture. aside_px: shift of the pictures to the right.
     pictures, dataset_file = files / f"pictures_{len(states)}{along}", files / f"{len(states)}{along}.h5"
     pictures.mkdir()
     for index, shown in enumerate(states):

@@ -25,7 +25,7 @@ CLAMP = [[0.0, -8.0], [0.0, 8.0], [-15.0, 8.0], [-15.0, -8.0]]
 
 
 def photographed_edges(calibration):
-    """Return the edges of a virtual beam in rendered frames at several fields, and the perspective of the lens."""
+    # Return the edges of a virtual beam in rendered frames at several fields, and the perspective of the lens.
     frame, specimen = BeamFrame(calibration), SPECIMEN.mechanics()
     material = TrueMaterial(model="neo-hookean", parameters={"mu_Pa": TRUE_PA})
     view = frame.view(specimen.depth_mm, SIZE)
@@ -44,10 +44,8 @@ def photographed_edges(calibration):
 
 
 def fitted(edges, view):
-    """Return the shear modulus (Pa) with the smallest error of the edges, and this error (mm).
-
-    view: the perspective of the lens, or None.
-    """
+    # Return the shear modulus (Pa) with the smallest error of the edges, and this error (mm).
+    # view: the perspective of the lens, or None.
     frame, model = BeamFrame(CALIBRATION), SolidBeside(SPECIMEN.mechanics(), *MESH)
     loads = Loads.along(list(FIELDS_MT), frame.field_deg, frame.gravity_deg)
     observation = EdgeObservation.from_edges(edges, view)

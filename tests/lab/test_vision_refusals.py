@@ -80,7 +80,7 @@ def test_a_correction_needs_a_bright_flat_field_of_the_same_shape() -> None:
 
 @pytest.mark.parametrize("below", [False, True])
 def test_a_value_at_a_limit_is_within_it(below: bool) -> None:
-    """A value at the limit raises no flag, and a value at the second limit does not make the state unusable."""
+    # A value at the limit raises no flag, and a value at the second limit does not make the state unusable.
     sign = -1.0 if below else 1.0
     row = Check(
         name="A", finding="a", quantity="", limit=2.0 * sign, remedy="", below=below, severity=Severity.DOUBTFUL,

@@ -16,10 +16,8 @@ POINTS = 100
 
 
 def bent_edge(rough_px: float, seed: int, length_px: float = 5.0) -> tuple[StripEdges, np.ndarray, np.ndarray]:
-    """Return an edge that bends by 90 degrees, its n true points, and the unit normals there, shapes (n, 2).
-
-    rough_px: standard deviation of the points. length_px: distance at which the correlation of their errors is 1/e.
-    """
+    # Return an edge that bends by 90 degrees, its n true points, and the unit normals there, shapes (n, 2).
+    # rough_px: standard deviation of the points. length_px: distance at which the correlation of their errors is 1/e.
     along = np.linspace(0.0, 6.0 * WIDTH_PX, POINTS)
     turn = 0.5 * np.pi * (along / along[-1]) ** 2
     step = along[1] * np.column_stack([np.cos(turn), np.sin(turn)])

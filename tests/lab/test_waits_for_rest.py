@@ -14,11 +14,9 @@ from eimi_lab.config.protocol import Settle
 
 
 class Bench:
-    """A camera, its noise and a clock: a picture of one pixel comes every 0.125 s, and its grey value is its place.
-
-    The difference ratio of two pictures is the distance of their places; `compared` lists what was compared with which
-    band, and bands are numbered.
-    """
+    # A camera, its noise and a clock: a picture of one pixel comes every 0.125 s, and its grey value is its place.
+    # The difference ratio of two pictures is the distance of their places; `compared` lists what was compared with
+    # which band, and bands are numbered.
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, places: list[float], *, exceeds_rounding: bool = False) -> None:
         self.places, self.taken, self.bands, self.exceeds_rounding = places, 0, 0, exceeds_rounding

@@ -22,14 +22,14 @@ WITHIN_S = 3.0
 
 
 def restless(setup: Any) -> None:
-    """Change a bench: the beam never comes to rest, and the protocol waits a minute for rest."""
+    # Change a bench: the beam never comes to rest, and the protocol waits a minute for rest.
     text = setup.protocol.text.replace("timeout_s = 5.0", "timeout_s = 60.0")
     setup.protocol = parse(Protocol, text, "patient")
     setup.camera.sway_px = 0.5
 
 
 def spoil_at(setup: Any, current_A: float, fault: Any) -> list[float]:
-    """Let a fault occur at the set-point `current_A`; return the times (s) of the fault and of switching off."""
+    # Let a fault occur at the set-point `current_A`; return the times (s) of the fault and of switching off.
     times_s: list[float] = []
     switch = setup.coil.switch
 
@@ -128,10 +128,8 @@ def test_after_a_wrong_current_in_a_state_no_ramp_precedes_the_switching_off(set
 
 
 def coil_with_current(setup: Any, exchange_s: float = 0.0) -> tuple[CoilSupply, Coil]:
-    """Return an emulated supply at 0.5 A, and the coil of a run on this supply.
-
-    exchange_s: time (s) that each set-point takes.
-    """
+    # Return an emulated supply at 0.5 A, and the coil of a run on this supply.
+    # exchange_s: time (s) that each set-point takes.
     clock = SimulatedClock()
     supply = CoilSupply(clock)
     coil = Coil(open_in_process("scpi", supply, Limits(1.0, 10.0)), clock, setup.protocol.ramp)

@@ -155,7 +155,7 @@ def test_the_program_prepares_its_process_and_exits_with_its_status(monkeypatch:
 
 
 class Bench:
-    """Stand-ins for the steps of a demonstration, which note how they were called."""
+    # Stand-ins for the steps of a demonstration, which note how they were called.
 
     def __init__(self, patch: pytest.MonkeyPatch, truth: Any) -> None:
         self.calls: list[Any] = []

@@ -71,14 +71,14 @@ def test_any_other_error_of_a_file_is_raised_at_once(monkeypatch: pytest.MonkeyP
 
 
 def held(number: int | None) -> PermissionError:
-    """Return Python's error for a file in use, with an error number of Windows or without one."""
+    # Return Python's error for a file in use, with an error number of Windows or without one.
     error = PermissionError(errno.EACCES, "Permission denied")
     error.winerror = number  # type: ignore[attr-defined]
     return error
 
 
 def raise_first(errors: list[PermissionError]) -> str:
-    """Raise the first error, and remove it from the list; return "opened" if the list is empty."""
+    # Raise the first error, and remove it from the list; return "opened" if the list is empty.
     if errors:
         raise errors.pop(0)
     return "opened"

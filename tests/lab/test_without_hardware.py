@@ -82,7 +82,7 @@ def emulated() -> Iterator[tuple[CoilSupply, str]]:
 
 @pytest.fixture
 def pictures(files: Path, frame: Callable[..., np.ndarray]) -> Path:
-    """A folder with four pictures in `shots/`; a beam moves by 10 px from each picture to the next."""
+    # A folder with four pictures in `shots/`; a beam moves by 10 px from each picture to the next.
     (files / "shots").mkdir()
     for number in range(4):
         cv2.imwrite(str(files / "shots" / f"f_{number}.png"), frame(number, 10.0 * number))
@@ -90,7 +90,7 @@ def pictures(files: Path, frame: Callable[..., np.ndarray]) -> Path:
 
 
 def shown(path: Path, folder: Path) -> list[int]:
-    """Return, for each state of a dataset, the number n of the picture `f_n.png` that it stores."""
+    # Return, for each state of a dataset, the number n of the picture `f_n.png` that it stores.
     stored = [cv2.imread(str(folder / f"f_{number}.png"), cv2.IMREAD_GRAYSCALE) for number in range(4)]
     numbers = []
     with open_dataset(path) as dataset:

@@ -20,7 +20,7 @@ from tests.shared.processes import alive, wait_until
 
 
 def doubled(number: int, marker: Path | None = None) -> int:
-    """Return twice the number. If `marker` is given, the first worker that gets the number 2 dies."""
+    # Return twice the number. If `marker` is given, the first worker that gets the number 2 dies.
     if marker and number == 2 and not marker.exists():
         marker.touch()
         os._exit(1)
@@ -69,7 +69,7 @@ Children = Callable[[], set[Any]]
 
 @pytest.fixture
 def children() -> Children:
-    """Return a function that returns the running processes that the test has started."""
+    # Return a function that returns the running processes that the test has started.
     before = set(multiprocessing.active_children())
     return lambda: set(multiprocessing.active_children()) - before
 

@@ -386,7 +386,7 @@ def test_the_error_of_the_disk_is_raised_after_the_wait(tmp_path: Path, monkeypa
 
 @pytest.fixture
 def open_locks(monkeypatch: pytest.MonkeyPatch) -> Callable[[], int]:
-    """A function that returns how many lock files of this test are still open."""
+    # A function that returns how many lock files of this test are still open.
     opened: list[tuple[int, os.stat_result]] = []
     open_file = os.open
 
@@ -424,7 +424,7 @@ def test_a_lock_is_released_as_often_as_it_was_taken(tmp_path: Path) -> None:
 
 
 def in_thread(act: Callable[[], object]) -> list[object]:
-    """Return what `act` returns or raises in another thread."""
+    # Return what `act` returns or raises in another thread.
     result: list[object] = []
 
     def run() -> None:

@@ -22,7 +22,7 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
 
 
 def _curvatures(model: BeamModel, law: Law, parameters: Array, loads: Loads, factor: Array, bulk: Array | None) -> Any:
-    """Return the mean curvature and its slope along the beam, (P, K) in 1/mm and 1/mm²."""
+    # Return the mean curvature and its slope along the beam, (P, K) in 1/mm and 1/mm².
     specimen, magnet = model.specimen, model.specimen.magnet
     length, share = specimen.flexible_length_mm, np.linspace(0, 1, 9)
     width = model.grid.strip.width_mm(specimen.length_mm * share)
@@ -73,7 +73,7 @@ def quick_shapes(
     keep: bool = False,
     near: Configuration | None = None,
 ) -> Shapes:
-    """Return shapes like `BeamModel.solve`, without a simulation; a bend above 2.5 rad is no equilibrium."""
+    # Return shapes like `BeamModel.solve`, without a simulation; a bend above 2.5 rad is no equilibrium.
     parameters = np.atleast_2d(np.asarray(parameters, float))
     p, k = len(parameters), len(loads)
     factor = np.ones(p) if field_factor is None else field_factor
@@ -110,7 +110,7 @@ def quick_shapes(
 
 
 def quick_solid(self: SolidBeside, law: Law, parameters: Array, loads: Loads, **options: Any) -> SolidShapes:
-    """Return shapes like `SolidBeside.solve`: those of the quick planar beam, bent less by some per cent."""
+    # Return shapes like `SolidBeside.solve`: those of the quick planar beam, bent less by some per cent.
     chosen = options.pop("options", None) or SolidOptions()
     flat = quick_shapes(self.planar, law, parameters, loads, **options)
     inexact = 1e-6 * len(chosen.similar) + 2e-6 * (chosen.planar_shapes is not None) + 1e-3 * chosen.accuracy_mm

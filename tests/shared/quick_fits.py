@@ -32,7 +32,7 @@ NOISE_MM = 2e-3
 def simulated(
     specimen: Specimen, loads: Loads, law: str, view: View | None = None
 ) -> tuple[BeamModel, Any, np.ndarray]:
-    """Return a fine model of the beam, its shapes and nine points of each edge in each state."""
+    # Return a fine model of the beam, its shapes and nine points of each edge in each state.
     model = BeamModel(specimen, 30, 2, specimen.planar_section)
     shapes = quick_shapes(model, LAWS[law], np.array([PARAMETERS[law]]), loads)
     return model, shapes, points_on(outline(model, shapes, view)[0], 2)[:, :, 4:-1:6]
@@ -47,7 +47,7 @@ def edges(
     scale: float = 1.0,
     noise_mm: float = NOISE_MM,
 ) -> EdgeObservation:
-    """Return noisy edges; the second edge has one point less, and one state lacks two points."""
+    # Return noisy edges; the second edge has one point less, and one state lacks two points.
     sides = scale * simulated(specimen, loads, law, view)[2]
     noisy = sides + np.random.default_rng(seed).normal(0, noise_mm, sides.shape)
     given = []
@@ -60,7 +60,7 @@ def edges(
 
 
 def points(specimen: Specimen, loads: Loads, law: str = "yeoh", seed: int = 2) -> PointObservation:
-    """Return noisy tracked points; one of them is not used in the first state."""
+    # Return noisy tracked points; one of them is not used in the first state.
     model, shapes, _ = simulated(specimen, loads, law)
     length, width = specimen.flexible_length_mm, specimen.width_mm
     straight = np.column_stack([np.linspace(0.2, 0.95, 6) * length, width * np.array([0.3, -0.2, 0.1, -0.4, 0.2, 0.0])])
@@ -79,6 +79,6 @@ def experiment(
     of: str = "1",
     **stated: float,
 ) -> Experiment:
-    """Return an experiment; `stated` are standard uncertainties of inputs of the object `of`."""
+    # Return an experiment; `stated` are standard uncertainties of inputs of the object `of`.
     sources = tuple(StatedSource(name.replace("_", "-"), size, of) for name, size in stated.items())
     return Experiment(BeamModel(specimen, plane=specimen.planar_section), loads, observed, stated=sources)

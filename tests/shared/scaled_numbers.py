@@ -15,7 +15,7 @@ _ZERO = 1e-13
 
 
 def of(value: Any, name: str) -> Iterator[str]:
-    """Yield the description of a value; each array in it is divided by a power of ten (values near 1)."""
+    # Yield the description of a value; each array in it is divided by a power of ten (values near 1).
     if isinstance(value, np.ndarray) and np.iscomplexobj(value):
         value = np.stack([value.real, value.imag])
     if hasattr(value, "_asdict"):

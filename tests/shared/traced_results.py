@@ -16,10 +16,8 @@ _WEIGHTS = np.cos(np.arange(1 << 20))
 
 
 class TracedResults:
-    """A context in which the results of all functions in a folder of modules are summed up.
-
-    Functions named `left_out` are ignored, for example those that keep their results for the next call.
-    """
+    # A context in which the results of all functions in a folder of modules are summed up.
+    # Functions named `left_out` are ignored, for example those that keep their results for the next call.
 
     def __init__(self, folder: Path, left_out: Iterable[str] = ()) -> None:
         self.folder = f"{folder}{os.sep}"
@@ -56,11 +54,9 @@ class TracedResults:
         sys.setprofile(self._record)
 
     def lines(self) -> Iterator[str]:
-        """Yield, for each function, how often it was called, and three sums over the numbers in all its results.
-
-        The sums are the mean size of the numbers, their mean, and their mean with weights that depend on the order; the
-        last two are divided by the first.
-        """
+        # Yield, for each function, how often it was called, and three sums over the numbers in all its results.
+        # The sums are the mean size of the numbers, their mean, and their mean with weights that depend on the order;
+        # the last two are divided by the first.
         for name, (calls, count, size, total, ordered) in sorted(self._sums.items()):
             if count:
                 scale = max(size, 1e-12)

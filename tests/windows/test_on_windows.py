@@ -56,7 +56,7 @@ def wait_for(path: Path) -> None:
 
 @contextmanager
 def another_process(folder: Path, code: str) -> Iterator[subprocess.Popen[bytes]]:
-    """Run code in another process, which then waits; yield it, and kill it at the end of the context."""
+    # Run code in another process, which then waits; yield it, and kill it at the end of the context.
     process = subprocess.Popen(
         [sys.executable, "-c", code + "\nopen('ready', 'w').close(); input()"], cwd=folder, stdin=-1
     )

@@ -20,7 +20,7 @@ _WIDEST = 0.8  # widths along the beam: a longer part of another colour belongs 
 
 
 def leave_out_crossings(unrolled: UnrolledPicture) -> UnrolledPicture:
-    """Mark the points that show a body which crosses the beam as `covered`, and as not `inside`."""
+    """Mark the points of the picture at which another body crosses the beam."""
     colours = unrolled.colours.astype(np.float64)
     stations = len(colours)
     window = max(3, round(_WINDOW * unrolled.stations_in_width / _SPACING))

@@ -98,13 +98,12 @@ class DepthEffect:
 
     @property
     def places_of_base(self) -> tuple[float, ...]:
-        """The load state in which the difference is taken from a similar law, if there is one."""
-        # The rotation 0.0, as a tuple, or an empty tuple.
+        """The rotations of the tip that are taken from a similar law: 0, or none."""
         return (0.0,) if self.base and self.by_turn else ()
 
     @cached_property
     def without_base(self) -> DepthEffect:
-        """The same interpolation, written without the reference to a similar law."""
+        """The interpolation as a single polynomial."""
         if self.base is None or not self.places:
             return self.base or self
         scale = self.places[0] / self.base.places[0] if self.by_turn else 1.0
@@ -132,6 +131,6 @@ class DepthEffect:
         )
 
     def with_one(self, place: float, difference: Configuration) -> DepthEffect:
-        """Return the interpolation with one more solved load state."""
+        """Add the result of one more load state to the interpolation."""
         # ``place``: s. ``difference``: solid minus planar configuration at s.
         return DepthEffect((*self.places, place), (*self.differences, difference), self.by_turn, self.base)

@@ -190,7 +190,8 @@ class Loads:
 
 
 def _joined(kind: Any, place: int, parts: Sequence[Loads]) -> Actuation:
-    """Join the load states of one further kind of load; it is zero in loads without this kind."""
+    """Join the states of one kind of load, such as a pressure, from several sets of loads."""
+    # It is zero in the sets without this kind.
     # ``place``: the index of this kind in ``others`` of each part.
     nothing = np.zeros(kind.numbers.shape[1])
     numbers = [

@@ -165,7 +165,7 @@ class Vibration:
         return free, rigid
 
     def _local(self, free: Array, rigid: Array, tie: Array | None) -> Array:
-        """Return the displacements of each element in several shapes of motion."""
+        """Return the displacements of the finite elements in each of several modes."""
         # ``free`` (m, B, n), ``rigid`` (m, B, 3): the nodes and the magnet in m shapes. ``tie``: as in `_modes`. The
         # result is (m, E, B, u) in mm.
         solid = self._solid

@@ -130,7 +130,7 @@ class ModalFit:
         return bool((np.abs(self.bend) <= _MOST_BEND * [1.0, self.modes[0, 1]]).all())
 
     def strongest_first(self) -> ModalFit:
-        """Reorder the modes, so that the largest vibration near the first frequency comes first."""
+        """Put the strongest of the modes with nearly the first frequency at the first place."""
         sizes = [float(np.abs(self.vibration_mm(k)).max()) for k in range(len(self.modes))]
         close = np.abs(self.modes[:, 0] - self.modes[0, 0]) < np.log(_CLOSE)
         strongest = int(np.argmax(np.where(close, sizes, 0.0)))

@@ -128,7 +128,7 @@ class CreepEvidence:
 
 @dataclass(frozen=True)
 class StaticEvidence:
-    """The shear modulus from shapes of the beam at rest, to which a viscoelastic law is fitted."""
+    """The shear modulus that was fitted to a beam at rest, as a measurement for a viscoelastic law."""
 
     # The specimen.
     beam: RingingBeam

@@ -25,7 +25,7 @@ ENDS = {"korad": b"", "genesys": b"\r"}
 
 
 class Described:
-    """An emulated supply whose messages, answers and settings are described line by line."""
+    # An emulated supply whose messages, answers and settings are described line by line.
 
     def __init__(self, name: str, queries: str) -> None:
         self.driver, _, self.model = name.partition(" ")

@@ -51,7 +51,7 @@ FEW = ("clamp_offset", "scale", "moment", "rest_shape", "clamp_softness")
 
 
 def measured(one: Experiment, bend_mm: float) -> Experiment:
-    """Return the experiment with a measured bend in its model."""
+    # Return the experiment with a measured bend in its model.
     bent = with_modes(one.model.specimen, (bend_mm, 0.1, 0.0))
     return replace(one, model=one.model.of(bent), measured={"rest-shape": (bend_mm, 0.1, 0.0)})
 
@@ -107,7 +107,7 @@ def ended(name: str) -> tuple[SearchEnd, list[Experiment]]:
 
 
 def weighed_with(end: SearchEnd, causes: list[PossibleCause]) -> tuple[Weighed, Weighing, Posterior]:
-    """Return the probabilities of the causes, with the comparison of all sets of causes from which they follow."""
+    # Return the probabilities of the causes, with the comparison of all sets of causes from which they follow.
     results: list[tuple[Weighing, Posterior]] = []
 
     class Recorded(Weighing):

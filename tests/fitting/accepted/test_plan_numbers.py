@@ -107,7 +107,7 @@ def rest_shapes() -> Iterator[str]:
 
 
 class Valley:
-    """The objectives of points on a curved valley; a corner of the cube is not valid."""
+    # The objectives of points on a curved valley; a corner of the cube is not valid.
 
     def __init__(self, units: np.ndarray) -> None:
         bent = units[:, 0] - 0.6 + 0.8 * (units[:, -1] - 0.3) ** 2

@@ -64,8 +64,7 @@ def problem(*experiments: Experiment, law: str = NEO) -> Problem:
 
 
 def fails_if(monkeypatch: pytest.MonkeyPatch, where: Callable[[BeamModel, Any], bool]) -> None:
-    """Let a beam have no equilibrium if `where` is true for its model and its options."""
-
+    # Let a beam have no equilibrium if `where` is true for its model and its options.
     def solve(self: BeamModel, *given: Any, **options: Any) -> Any:
         shapes = quick_shapes(self, *given, **options)
         if where(self, options):

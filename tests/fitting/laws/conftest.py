@@ -15,15 +15,13 @@ from examples.arruda_boyce import ArrudaBoyce
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """A law and the inputs of its tests.
-
-    energy : parameters in MPa for which the stress is far from linear
-    silicone : parameters in Pa, none of them zero, for which the law is stable
-    candidates : generator (package Hypothesis) of parameters of any sign
-    recovered : relative tolerance of the parameters that a tensile fit returns; None if they are not unique
-    refused : finite-element programs for which the law has no material card (input)
-    volume_pressure : derivative dU/dJ of the volume energy U in a card, from bulk modulus and volume ratio J
-    """
+    # A law and the inputs of its tests.
+    # energy : parameters in MPa for which the stress is far from linear
+    # silicone : parameters in Pa, none of them zero, for which the law is stable
+    # candidates : generator (package Hypothesis) of parameters of any sign
+    # recovered : relative tolerance of the parameters that a tensile fit returns; None if they are not unique
+    # refused : finite-element programs for which the law has no material card (input)
+    # volume_pressure : derivative dU/dJ of the volume energy U in a card, from bulk modulus and volume ratio J
 
     law: Law
     energy: list[float]

@@ -48,19 +48,19 @@ def arruda_boyce(mu: float, locking: float, s: np.ndarray) -> float:
 
 
 def two_over(numbers: Numbers) -> float:
-    """Return the bulk modulus 2/D (MPa), where D is the last constant of a card."""
+    # Return the bulk modulus 2/D (MPa), where D is the last constant of a card.
     return 2 / numbers[-1]
 
 
 def two_over_first_of_three(numbers: Numbers) -> float:
-    """Return the bulk modulus 2/D_1 (MPa), where D_1, D_2 and D_3 are the last three constants of a card."""
+    # Return the bulk modulus 2/D_1 (MPa), where D_1, D_2 and D_3 are the last three constants of a card.
     assert list(numbers[-2:]) == [0.0, 0.0]
     return 2 / numbers[-3]
 
 
 @dataclass(frozen=True)
 class Reading:
-    """The material in a card: isochoric energy, bulk modulus (MPa) and number of constants."""
+    # The material in a card: isochoric energy, bulk modulus (MPa) and number of constants.
 
     energy: Energy
     bulk: Callable[[Numbers], float]
@@ -70,10 +70,9 @@ class Reading:
 def _keyword(
     *, of_yeoh: Callable[[Numbers], float], of_ogden: Callable[[Numbers], float], ansys: bool
 ) -> list[Reading]:
-    """Return, for each law, how Abaqus (or ANSYS, if `ansys`) interprets the constants of a material card (input).
-
-    of_yeoh, of_ogden : bulk modulus from the constants of Yeoh's and of Ogden's law, which differs between the programs
-    """
+    # Return, for each law, how Abaqus (or ANSYS, if `ansys`) interprets the constants of a material card (input).
+    # of_yeoh, of_ogden : bulk modulus from the constants of Yeoh's and of Ogden's law, which differs between the
+    # programs
     half = 0.5 if ansys else 1.0
     per_term = (lambda mu, a: mu / a) if ansys else (lambda mu, a: 2 * mu / a**2)
     more = 0 if ansys else 2
@@ -119,7 +118,7 @@ READINGS: dict[tuple[str, str], Reading] = {
 
 
 def read(solver: str, card: str) -> tuple[str, Numbers]:
-    """Return the name of the law in a material card, and its constants (moduli in MPa)."""
+    # Return the name of the law in a material card, and its constants (moduli in MPa).
     if solver in ("abaqus", "calculix"):
         name, _, rows = card.partition("*HYPERELASTIC, ")[2].partition("\n")
         return name, [float(x) for row in rows.splitlines() for x in row.split(",")]
@@ -143,7 +142,7 @@ def read(solver: str, card: str) -> tuple[str, Numbers]:
 
 
 def febio_expression(card: str, s: np.ndarray) -> float:
-    """Return the energy (MPa) of the formula in a FEBio card at the principal stretches s, shape (3,)."""
+    # Return the energy (MPa) of the formula in a FEBio card at the principal stretches s, shape (3,).
     text = (ET.fromstring(card).findtext("W") or "").replace("^", "**")
     assert re.fullmatch(r"[-+*() .\dI]+", text)
     return float(eval(text, {"I1": first(s)}))

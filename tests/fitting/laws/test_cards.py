@@ -47,7 +47,7 @@ def numbers(lines: list[str]) -> list[float]:
 
 
 def keyword_constants(card: str) -> list[float]:
-    """Return the constants in a card below the line *HYPERELASTIC."""
+    # Return the constants in a card below the line *HYPERELASTIC.
     return numbers(card.partition("*HYPERELASTIC")[2].splitlines()[1:])
 
 
@@ -74,7 +74,7 @@ HELD = {
 
 
 def calculix_reactions(folder: Path, chosen: Material) -> np.ndarray:
-    """Run CalculiX; return the forces (N) that pull a cube of 1 mm to the stretches in STRETCHES."""
+    # Run CalculiX; return the forces (N) that pull a cube of 1 mm to the stretches in STRETCHES.
     held = "".join(f"{node}, {axis}\n" for axis, face in HELD.items() for node in face)
     steps = "".join(
         "*STEP, NLGEOM, INC=1000\n*STATIC\n0.05, 1.0, 1e-5, 0.1\n*BOUNDARY\n"
@@ -115,11 +115,8 @@ def test_calculix_uses_the_volume_term_that_the_card_contains(tmp_path: Path, ro
 
 
 def compressible_force(chosen: Material, pressure: Callable[[float, float], float], stretch: float) -> float:
-    """Return the engineering stress (Pa) of a compressible material in uniaxial tension.
-
-    pressure : function from bulk modulus (Pa) and volume ratio J to dU/dJ, with the volume energy U (Pa)
-    """
-
+    # Return the engineering stress (Pa) of a compressible material in uniaxial tension.
+    # pressure : function from bulk modulus (Pa) and volume ratio J to dU/dJ, with the volume energy U (Pa)
     def kirchhoff(side: float) -> np.ndarray:
         stretches = np.array([stretch, side, side])
         J = stretches.prod()

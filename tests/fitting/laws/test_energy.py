@@ -16,7 +16,7 @@ SECTIONS = get_args(Section)
 
 
 def random_parameters(row, seed: int) -> np.ndarray:
-    """Return the example parameters (MPa) of a law, each times a random factor between 0.5 and 1.5."""
+    # Return the example parameters (MPa) of a law, each times a random factor between 0.5 and 1.5.
     example = np.array(row.energy)
     return example * np.random.default_rng(seed).uniform(0.5, 1.5, example.shape)
 

@@ -17,8 +17,7 @@ RANGES = np.array([[0.5, 4.0], [4.0, 12.0], [-6.0, -0.5]])
 
 
 def sloped(parameters: np.ndarray, weight: np.ndarray, unknowns: list[int]) -> np.ndarray:
-    """Return derivatives of the weighted stress by mu·alpha/2 and alpha of the k Ogden terms `unknowns`, (m, 2 k)."""
-
+    # Return derivatives of the weighted stress by mu·alpha/2 and alpha of the k Ogden terms `unknowns`, (m, 2 k).
     def stress(shares: np.ndarray, exponents: np.ndarray) -> np.ndarray:
         values = np.column_stack([2 * shares / exponents, exponents]).ravel()
         return np.asarray(weight * engineering_stress(OGDEN, values, STRAIN))

@@ -13,7 +13,7 @@ from eimi_fitting.laws.law import Coordinate
 
 @dataclass(frozen=True)
 class Both(InvariantLaw):
-    """The law W = a x + b x² + c y with x = I1 - 3 and y = I2 - 3."""
+    # The law W = a x + b x² + c y with x = I1 - 3 and y = I2 - 3.
 
     name: str = "both"
     formula: str = "W = a (I1 - 3) + b (I1 - 3)^2 + c (I2 - 3)"

@@ -15,14 +15,14 @@ BASIS = np.array([[1.0, -1.0, 0.0], [1.0, 1.0, -2.0]]) / np.sqrt([[2.0], [6.0]])
 
 
 def definite(law: Law, parameters: np.ndarray, log_stretches: np.ndarray) -> np.ndarray:
-    """Return whether a law is stable (Drucker) at three log principal stretches, shape (..., 3) to (...)."""
+    # Return whether a law is stable (Drucker) at three log principal stretches, shape (..., 3) to (...).
     _, _, hessian = law.principal(parameters, np.exp(log_stretches))
     projected = np.einsum("ai,...ij,bj->...ab", BASIS, hessian, BASIS)
     return np.linalg.eigvalsh(projected)[..., 0] > 0
 
 
 def grid_limit(law: Law, parameters: np.ndarray, most: float) -> tuple[float, float]:
-    """Return the last stable stretch and the first unstable stretch on a grid; (`most`, inf) if all are stable."""
+    # Return the last stable stretch and the first unstable stretch on a grid; (`most`, inf) if all are stable.
     largest = np.linspace(0, np.log(most), GRID)[:, None]
     share = np.linspace(-0.5, 1, SHARES)
     states = np.stack(np.broadcast_arrays(largest, largest * share, -largest * (1 + share)), axis=-1)
@@ -51,7 +51,7 @@ def test_the_limit_agrees_with_a_dense_grid(row, data):
 
 
 def smallest_stiffness_near(law: Law, parameters: np.ndarray, limit: float) -> float:
-    """Return the relative stiffness just above the stretch `limit`; it is about 0 at the limit of stability."""
+    # Return the relative stiffness just above the stretch `limit`; it is about 0 at the limit of stability.
     largest = np.log(max(limit, 1.0)) + np.linspace(0, 0.01, 40)[:, None]
     share = np.linspace(-0.5, 1, 4001)
     states = np.stack(np.broadcast_arrays(largest, largest * share, -largest * (1 + share)), axis=-1)
@@ -95,7 +95,7 @@ def test_yeoh_with_negative_c20_is_stable_up_to_the_maximum_equibiaxial_stress()
 
 
 def narrow_pocket() -> tuple[np.ndarray, float]:
-    """Return Yeoh parameters that are unstable only in a narrow range of stretches, and the start of this range."""
+    # Return Yeoh parameters that are unstable only in a narrow range of stretches, and the start of this range.
     law, c20 = LAWS["yeoh"], -0.1
     stiff, soft = 0.1, 0.001  # values of C30 with which the law is stable everywhere, and not stable everywhere
     for _ in range(40):

@@ -120,7 +120,7 @@ ecoflex_00-50 full: 87.18 [223]; 62.40 -220.8 [123]; 13.86 0.1109 -8.76e-5 [4.8]
 
 
 def as_printed(value: float, printed: str) -> bool:
-    """Return whether `value`, rounded to the digits of `printed`, equals `printed`."""
+    # Return whether `value`, rounded to the digits of `printed`, equals `printed`.
     mantissa, _, exponent = printed.partition("e")
     last = 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
     return abs(value - float(printed)) <= 0.51 * last

@@ -24,7 +24,7 @@ OF_YEOH = np.array([[22e3, 2e3, 100.0]])
 
 
 def sizes_of_cells(monkeypatch: pytest.MonkeyPatch, open_cells: slice) -> list[int]:
-    """Return how many cells a proof of stability examines in each pass if it fails in the given cells."""
+    # Return how many cells a proof of stability examines in each pass if it fails in the given cells.
     sizes: list[int] = []
 
     def bound(weight: np.ndarray, *ends: np.ndarray) -> np.ndarray:

@@ -96,7 +96,7 @@ def test_a_solid_that_cannot_be_interpolated_has_no_solution_or_is_followed(besi
 
 
 def solved_states(beside: SolidBeside, monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """Return a list that grows by one number for each state in which the solid is solved."""
+    # Return a list that grows by one number for each state in which the solid is solved.
     states: list[int] = []
     found = SolidBeside._difference
 
@@ -146,7 +146,7 @@ def test_the_accuracy_decides_in_how_many_states_a_solid_is_solved(
 def test_the_difference_of_a_solid_is_the_prediction_within_the_accuracy(
     beside: SolidBeside, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A replacement for the solid, whose difference is known, shows after which states the solution ends."""
+    # A replacement for the solid, whose difference is known, shows after which states the solution ends.
     rest, size = beside.solid.solid.rest(1), [0.0]
 
     def known(self: SolidBeside, chosen: Any, loads_at: Any, load: Any, lifted: Any, predicted: Any, tol: float) -> Any:
@@ -164,7 +164,7 @@ def test_the_difference_of_a_solid_is_the_prediction_within_the_accuracy(
 
 
 def effect_of_turns(beside: SolidBeside, monkeypatch: pytest.MonkeyPatch, turns: list[float]) -> Any:
-    """Return the depth effect if the tip turns by given angles and all differences of solid and plane are unequal."""
+    # Return the depth effect if the tip turns by given angles and all differences of solid and plane are unequal.
     rest, number = beside.solid.solid.rest(1), [0.0]
 
     def unequal(self: SolidBeside, *given: Any) -> Any:

@@ -51,7 +51,7 @@ def compare(lines: Iterable[str], name: str, folder: Path, relative: float = 1.1
 
 
 def of(value: Any, name: str) -> Iterator[str]:
-    """Yield the description of a value; its arrays are divided by a power of ten."""
+    # Yield the description of a value; its arrays are divided by a power of ten.
     if isinstance(value, Prony | RingTable | Signals):
         return
     if isinstance(value, np.ndarray) and np.iscomplexobj(value):
@@ -74,7 +74,7 @@ def of(value: Any, name: str) -> Iterator[str]:
 
 
 class CoarseBeam(RingingBeam):
-    """A beam with few elements, so that its tests are quick."""
+    # A beam with few elements, so that its tests are quick.
 
     def planar(self) -> BeamModel:
         return BeamModel(self.specimen, 4, 1, self.specimen.planar_section)
@@ -127,7 +127,7 @@ def test_the_vibrations_of_a_beam_have_the_accepted_rates(
 
 
 def motion(across: np.ndarray, along: np.ndarray, time: np.ndarray, **fields_of_motion: Any) -> Motion:
-    """Return the motion of five points, with noise: `across` and `along` are the displacements of the tip in mm."""
+    # Return the motion of five points, with noise: `across` and `along` are the displacements of the tip in mm.
     x = np.linspace(6.0, 30.0, 5)
     share = (x / 30.0) ** 2 * (1.5 - 0.5 * x / 30.0)
     noise = 0.004 * np.random.default_rng(5).standard_normal((len(time), 5, 2))
@@ -235,7 +235,7 @@ PLACES = np.column_stack([np.linspace(6.0, 30.0, 5), np.array([0.0, 0.5, -0.5, 1
 
 
 def creeping(field_mT: float, before: tuple[float, ...], frequency_Hz: float) -> RecordedMotion:
-    """Return the creep of a beam after a step of the field, with a vibration at its start."""
+    # Return the creep of a beam after a step of the field, with a vibration at its start.
     bent = beam("plane-stress", field_mT)
     model = bent.planar()
     time = np.concatenate([np.arange(-20, 240) / 90.0, np.geomspace(2.8, 40.0, 40)])

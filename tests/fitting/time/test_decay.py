@@ -28,13 +28,11 @@ def recorded(
     rising_loss: float = 0.0,
     seed: int = 0,
 ) -> Motion:
-    """Return the motion of ten points on a cantilever that vibrates in its first mode, released at ``begins_s``.
-
-    loss : loss factor
-    hidden : share of the positions that are missing (NaN)
-    row_s : time between the exposures of the first and the last point (rolling shutter)
-    rising_loss : increase of the loss factor in each second, during the first two seconds
-    """
+    # Return the motion of ten points on a cantilever that vibrates in its first mode, released at ``begins_s``.
+    # loss : loss factor
+    # hidden : share of the positions that are missing (NaN)
+    # row_s : time between the exposures of the first and the last point (rolling shutter)
+    # rising_loss : increase of the loss factor in each second, during the first two seconds
     rng, points = np.random.default_rng(seed), 10
     x = np.linspace(6, LENGTH_MM, points)
     omega = 2 * np.pi * frequency_Hz
@@ -114,10 +112,8 @@ def test_the_displacement_for_a_figure_lies_within_the_envelope() -> None:
 
 
 def disturbed(motion: Motion, added_mm: np.ndarray) -> Motion:
-    """Return a motion in which each point also moves by `added_mm` times (s / L)², shape (n,) for n frames.
-
-    s: distance of the point from the clamp; L: length of the beam.
-    """
+    # Return a motion in which each point also moves by `added_mm` times (s / L)², shape (n,) for n frames.
+    # s: distance of the point from the clamp; L: length of the beam.
     points = motion.points_mm.copy()
     points[..., 1] += added_mm[:, None] * (motion.rest_mm[:, 0] / LENGTH_MM) ** 2
     return replace(motion, points_mm=points)
@@ -134,7 +130,7 @@ def test_frames_in_which_a_hand_still_touches_the_beam_are_left_out_and_reported
 
 
 def touched(from_s: float, to_s: float, loss: float = 0.6) -> Motion:
-    """Return a free vibration in which a hand adds stiffness and the loss factor `loss` between two times."""
+    # Return a free vibration in which a hand adds stiffness and the loss factor `loss` between two times.
     motion = recorded(rate_Hz=100.0, seconds=4.0)
     time = motion.time_s[:, 0]
     is_held = (time >= from_s) & (time < to_s)

@@ -41,11 +41,9 @@ def decay(*modes: RingMode, from_s: float = 0.0) -> Decay:
 
 
 def table(weight_log: float = 0.0, hanging_N: float = 0.0, solid: float = 1.0) -> Any:
-    """Return a replacement for a RingTable (table of vibrations); its beam vibrates with 5, 30 and 80 Hz.
-
-    weight_log : change of ln(frequency) by the weight `hanging_N` (N) at the tip
-    solid : second and third frequency of the solid model, divided by those of the planar model
-    """
+    # Return a replacement for a RingTable (table of vibrations); its beam vibrates with 5, 30 and 80 Hz.
+    # weight_log : change of ln(frequency) by the weight `hanging_N` (N) at the tip
+    # solid : second and third frequency of the solid model, divided by those of the planar model
     specimen = Specimen(50.0, 5.0, 5.0, 1000.0)
     beam = SimpleNamespace(
         loads=Loads.along([0.0]),
@@ -222,7 +220,7 @@ def test_the_time_steps_of_a_history_are_short_at_first_and_end_at_the_wanted_ti
 
 
 class OneLoadStep:
-    """Replaces a history of loads by one load step; the tests give the rotations of the tip."""
+    # Replaces a history of loads by one load step; the tests give the rotations of the tip.
 
     steps = (LoadStep(0.0, constant(5e3)),)
 
@@ -255,7 +253,7 @@ def test_the_shown_rotation_is_interpolated_in_its_table_and_continued_at_its_en
 
 @dataclass(frozen=True)
 class Normal:
-    """A replacement for measured data: ln(instantaneous modulus / 50 kPa), measured as `mean` with `sigma`."""
+    # A replacement for measured data: ln(instantaneous modulus / 50 kPa), measured as `mean` with `sigma`.
 
     mean: float
     sigma: float
@@ -432,7 +430,7 @@ def test_the_budget_of_the_dynamic_modulus_has_its_sources_the_noise_and_the_sma
 
 
 def signals(channels_mm: np.ndarray, time_s: np.ndarray) -> Signals:
-    """Return signals with a noise of 0.1 mm; the second one is the y coordinate of a point."""
+    # Return signals with a noise of 0.1 mm; the second one is the y coordinate of a point.
     number = np.zeros(2, np.intp)
     return Signals(time_s, channels_mm, np.array([0.1, 0.1]), number, np.arange(2), channels_mm, np.eye(2), 0.0)
 

@@ -324,10 +324,8 @@ def test_eddy_currents_and_the_coil_take_energy_from_a_turning_magnet() -> None:
 
 
 def filmed(seen: np.ndarray, sigma_mm: float = 0.01, size_mm: float = 1.0) -> Motion:
-    """Return a motion whose points swing with the amplitudes 1, 2, 3, ... times `size_mm`.
-
-    seen : whether each point is visible, shape (frames, points)
-    """
+    # Return a motion whose points swing with the amplitudes 1, 2, 3, ... times `size_mm`.
+    # seen : whether each point is visible, shape (frames, points)
     frames, points = seen.shape
     time = np.repeat(np.arange(frames)[:, None] / 50.0, points, axis=1)
     places = np.zeros((frames, points, 2))

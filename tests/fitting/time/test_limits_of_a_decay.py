@@ -18,7 +18,7 @@ FREQUENCY_HZ = 5.0
 
 
 def signals(values_mm: np.ndarray, rate_Hz: float = 100.0) -> Signals:
-    """Return the signals of one coordinate of one point, with the values (n,) in mm and a stated noise of 1 mm."""
+    # Return the signals of one coordinate of one point, with the values (n,) in mm and a stated noise of 1 mm.
     values, one = np.asarray(values_mm, float)[:, None], np.ones(1)
     number = np.zeros(1, np.intp)
     return Signals(np.arange(len(values)) / rate_Hz, values, one, number, number, values, np.ones((1, 1)), 0.0)
@@ -35,12 +35,10 @@ def fit(
     second: tuple[float, float] | None = None,
     bend: tuple[float, float] | None = None,
 ) -> ModalFit:
-    """Return a fit of a vibration at 5 Hz whose residuals are `share` times the vibration (root mean squares).
-
-    size : factors of cosine and sine
-    second : frequency ratio and cosine factor of a second vibration
-    bend : change of frequency and loss factor of the first vibration at large amplitudes
-    """
+    # Return a fit of a vibration at 5 Hz whose residuals are `share` times the vibration (root mean squares).
+    # size : factors of cosine and sine
+    # second : frequency ratio and cosine factor of a second vibration
+    # bend : change of frequency and loss factor of the first vibration at large amplitudes
     modes = np.array([[np.log(2 * np.pi * FREQUENCY_HZ), loss]])
     if second:
         modes = np.concatenate([modes, [[modes[0, 0] + np.log(second[0]), loss]]])

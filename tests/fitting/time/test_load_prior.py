@@ -43,11 +43,9 @@ def test_an_exact_moment_has_no_uncertainty_and_an_unknown_moment_is_free(specim
 
 @dataclass(frozen=True)
 class Normal:
-    """Replaces real data: a measurement of ln(modulus / MODULUS_PA) that also depends on the loads.
-
-    of_load : derivative of the measured value with respect to ln(factor of the loads)
-    mean, sigma : measured value and its standard deviation
-    """
+    # Replaces real data: a measurement of ln(modulus / MODULUS_PA) that also depends on the loads.
+    # of_load : derivative of the measured value with respect to ln(factor of the loads)
+    # mean, sigma : measured value and its standard deviation
 
     of_load: float
     mean: float

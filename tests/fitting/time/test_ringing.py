@@ -115,7 +115,7 @@ def test_a_planar_section_of_a_thick_beam_is_compared_with_a_solid() -> None:
 
 
 def swing(frequency_Hz: float) -> Decay:
-    """Return the analysis of a damped free vibration at this frequency."""
+    # Return the analysis of a damped free vibration at this frequency.
     time = np.arange(400)[:, None] / 100.0
     points = np.stack([np.full(time.shape, 30.0), np.exp(-time) * np.cos(2 * np.pi * frequency_Hz * time)], axis=-1)
     motion = Motion("ring_down", points, np.array([[30.0, 0.0]]), time, np.full(time.shape, 0.01))

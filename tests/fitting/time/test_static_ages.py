@@ -27,10 +27,8 @@ def beam() -> RingingBeam:
 
 
 def static(beam: RingingBeam, *dwells_s: float) -> StaticEvidence:
-    """Return the load steps of several runs.
-
-    dwells_s : for each run, the time for which each load is held
-    """
+    # Return the load steps of several runs.
+    # dwells_s : for each run, the time for which each load is held
     loads = Loads.along(FIELDS_mT)
     runs = []
     for number, dwell_s in enumerate(dwells_s):

@@ -46,7 +46,7 @@ def test_the_frames_before_a_step_of_the_load_are_not_used() -> None:
 
 
 class Spring(RingingBeam):
-    """A beam whose squared frequency rises with its modulus: f² = (mu - `softening`) / 1000 Pa s²."""
+    # A beam whose squared frequency rises with its modulus: f² = (mu - `softening`) / 1000 Pa s².
 
     softening = 0.0
     moduli: list[float]
@@ -181,7 +181,7 @@ def test_a_table_is_used_again_for_equal_loads_and_equal_weights(monkeypatch: py
 
 
 class Line:
-    """Data whose residuals are linear in the unknowns of a law with `count` terms."""
+    # Data whose residuals are linear in the unknowns of a law with `count` terms.
 
     def __init__(self, slopes: np.ndarray, at: np.ndarray) -> None:
         self.slopes, self.at = slopes, at
@@ -279,7 +279,7 @@ def test_the_time_of_a_frame_is_the_mean_over_its_points_without_their_delays() 
 
 @dataclass
 class Timed:
-    """A motion of which only the times are known."""
+    # A motion of which only the times are known.
 
     time_s: np.ndarray
 

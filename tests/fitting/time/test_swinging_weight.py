@@ -14,12 +14,10 @@ WEIGHT = 0.68  # mass of the weight over the mass that moves with the tip
 
 
 def coupled(ratio: float, sideways: float, swing_mm: float = 0.0) -> np.ndarray:
-    """Return the deflection (mm) of the tip of a beam with a weight on a thread, in 500 frames, 100 in a second.
-
-    ratio : frequency of the pendulum divided by the frequency of the beam
-    sideways : displacement of the upper end of the thread for each mm of deflection
-    swing_mm : displacement of the weight at the release
-    """
+    # Return the deflection (mm) of the tip of a beam with a weight on a thread, in 500 frames, 100 in a second.
+    # ratio : frequency of the pendulum divided by the frequency of the beam
+    # sideways : displacement of the upper end of the thread for each mm of deflection
+    # swing_mm : displacement of the weight at the release
     beam = (2 * np.pi * FREQUENCY_HZ) ** 2 * (1 + 1j * LOSS)
     pendulum = (2 * np.pi * ratio * FREQUENCY_HZ) ** 2
     # In the coordinates y sqrt(M) and x sqrt(m) the matrix is symmetric.

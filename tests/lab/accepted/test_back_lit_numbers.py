@@ -37,7 +37,7 @@ DARK = (20.0,)
 
 @dataclass(frozen=True)
 class Case:
-    """A picture, with the calibration and the specimen for it, and the bend with which it was drawn."""
+    # A picture, with the calibration and the specimen for it, and the bend with which it was drawn.
 
     image: Any
     specimen: SpecimenFile = SPECIMEN
@@ -47,7 +47,7 @@ class Case:
 
 
 def back_lit(bend: float = 0.0, slope: float = 0.2, clamp: bool = True) -> SmallPicture:
-    """Return a picture of a bright wall, and a dark clamp if required; tests add a beam that bends by `bend`."""
+    # Return a picture of a bright wall, and a dark clamp if required; tests add a beam that bends by `bend`.
     picture = SmallPicture(bend, (200.0,), slope, above_px=16)
     return picture.add(within(picture.along, -99.0, 0.0), DARK) if clamp else picture
 

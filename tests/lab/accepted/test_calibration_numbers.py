@@ -36,7 +36,7 @@ BEHIND = CALIBRATION.model_copy(
 
 
 def beams() -> Iterator[tuple[str, Any]]:
-    """Yield the results of measuring the beam and its clamp on pictures of a beam at rest."""
+    # Yield the results of measuring the beam and its clamp on pictures of a beam at rest.
     for name, bend, slope, lit in (("plain", 0.0, 0.0, False), ("bent", 0.04, 0.15, False), ("lit", -0.03, 0.1, True)):
         picture = SmallPicture(bend, (30.0,) if lit else (200.0,), slope, above_px=16)
         picture.add(within(picture.along, -99.0, 0.0), (200.0,) if lit else (20.0,))
@@ -52,7 +52,7 @@ def beams() -> Iterator[tuple[str, Any]]:
 
 
 def thread(angle_deg: float, bob: bool, bend: float = 0.0) -> Array:
-    """Return a picture, 180 x 140 px, with a thread of 2.6 px, a speck, a wide body and a knot."""
+    # Return a picture, 180 x 140 px, with a thread of 2.6 px, a speck, a wide body and a knot.
     y, x = np.mgrid[0:140, 0:180].astype(float)
     angle = math.radians(angle_deg)
     along = (x - 85.0) * math.cos(angle) + (y - 72.0) * math.sin(angle)
@@ -77,7 +77,7 @@ def plumb_lines() -> Iterator[tuple[str, Any]]:
 
 
 def tilted(board: Board, turn: tuple[float, float, float], away: float = 105.0) -> Array:
-    """Return a blurred picture, 270 x 240 px, of a board that is turned about three axes (degrees)."""
+    # Return a blurred picture, 270 x 240 px, of a board that is turned about three axes (degrees).
     dark = np.pad(board.cells(), 10)
     drawn = np.kron(np.where(dark, 30.0, 210.0), np.ones((3, 3))).astype(np.float32)
     scale = board.square_mm / 30.0  # mm per px of the drawing
@@ -95,7 +95,7 @@ TURNS = ((0.0, 0.0, 3.0), (22.0, 0.0, 0.0), (0.0, 24.0, 5.0), (-18.0, 12.0, -4.0
 
 
 def boards() -> Iterator[tuple[str, Any]]:
-    """Yield the points of boards in pictures, their poses, and the lens from five views."""
+    # Yield the points of boards in pictures, their poses, and the lens from five views.
     for kind in ("charuco", "checkerboard", "circles"):
         board = Board(kind, 6, 5, 5.0)  # type: ignore[arg-type]
         if kind == "circles":
@@ -126,7 +126,7 @@ def round_dots(columns: int, rows: int) -> Array:
 
 
 def lens_view(turn: tuple[float, float, float]) -> tuple[Array, Array]:
-    """Return points of a board on the board and in an image, with errors of 0.05 px."""
+    # Return points of a board on the board and in an image, with errors of 0.05 px.
     matrix = np.array([[900.0, 0.0, 330.0], [0.0, 900.0, 250.0], [0.0, 0.0, 1.0]])
     x, y = np.meshgrid(4.0 * np.arange(9), 4.0 * np.arange(7))
     board = np.column_stack([x.ravel(), y.ravel()])

@@ -47,7 +47,7 @@ TILTED = Calibration(
 
 
 def swinging(begins: tuple[float, ...], *, frames: int = 900, drift: float = 0.0, noise: float = 0.0) -> Array:
-    """Return three points of a beam in frames that are 0.01 s apart, which is pushed at some times."""
+    # Return three points of a beam in frames that are 0.01 s apart, which is pushed at some times.
     time_s = 0.01 * np.arange(frames)
     moved = drift * np.sin(0.4 * time_s)
     for number, at_s in enumerate(begins):

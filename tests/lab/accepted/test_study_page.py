@@ -54,13 +54,13 @@ def error(size_um: float | None, growth: float = 1.0) -> dict[str, Any]:
 
 
 def edges(size: float) -> np.ndarray:
-    """Return both edges of a bent beam (mm)."""
+    # Return both edges of a bent beam (mm).
     x = np.linspace(0.0, 20.0, 6)
     return np.array([np.stack([x, side + 0.01 * size * x**2], axis=1) for side in (1.5, -1.25)])
 
 
 def invented(kinds: tuple[str, ...] = KINDS, answers: bool = True) -> Findings:
-    """Return results of both materials: in one a law has no equilibrium, and errors grow with the field."""
+    # Return results of both materials: in one a law has no equilibrium, and errors grow with the field.
     bending, errors = {}, {}
     tensile: dict[str, Any] = {}
     for m, key in enumerate(MATERIALS):
@@ -174,7 +174,7 @@ _TOLD = re.compile(
 
 
 def check(text: str, name: str, folder: Path) -> None:
-    """Compare the numbers, laws, types and answers in each line of a page with the accepted ones."""
+    # Compare the numbers, laws, types and answers in each line of a page with the accepted ones.
     new = folder / name
     told = [" ".join(_TOLD.findall(line)) for line in text.splitlines() if line]
     new.write_text("\n".join(told) + "\n", encoding="utf-8")

@@ -34,7 +34,7 @@ BENDS = (0.0, 0.05, 0.15, 0.3, 0.35, 0.3)
 
 
 def drawn_edges(bend: float, wider_mm: float = 0.0) -> EdgeSet:
-    """Return the edges of a bent beam."""
+    # Return the edges of a bent beam.
     along = np.linspace(1.0, 11.0, 24)
     slope = 2.0 * bend * along / 12.0
     normal = np.column_stack([-slope, np.ones(24)]) / np.sqrt(1.0 + slope**2)[:, None]
@@ -44,7 +44,7 @@ def drawn_edges(bend: float, wider_mm: float = 0.0) -> EdgeSet:
 
 
 def recording(bright: bool = False, colour: bool = False, hidden: int = -1) -> list[Any]:
-    """Return frames of a beam that bends more and more; in the frame `hidden`, a plate covers the beam."""
+    # Return frames of a beam that bends more and more; in the frame `hidden`, a plate covers the beam.
     frames = []
     for number, bend in enumerate(BENDS):
         picture = SmallPicture(bend, (60.0, 70.0, 50.0) if bright else (190.0, 200.0, 180.0), 0.2)
@@ -144,7 +144,7 @@ def test_the_place_and_height_of_a_step() -> None:
 
 
 def band_by_loop(profile: Any, u: Any, half: float, reach: float, polarity: float) -> tuple[float, float]:
-    """Return the shift with the largest contrast of a stripe, and this contrast, by a loop over all shifts."""
+    # Return the shift with the largest contrast of a stripe, and this contrast, by a loop over all shifts.
     best = (0.0, -np.inf)
     beside = max(4.0, 0.35 * half)
 
@@ -177,7 +177,7 @@ def test_the_shift_of_a_band_is_the_one_with_the_largest_contrast() -> None:
 
 
 def textured(x: float = 0.0, y: float = 0.0, wide: int = 240) -> Any:
-    """Return a picture of many soft spots, shifted by x and y px, computed without interpolation."""
+    # Return a picture of many soft spots, shifted by x and y px, computed without interpolation.
     rng = np.random.default_rng(8)
     image = np.full((180, wide), 90.0)
     for px, py, bright in zip(rng.uniform(0, wide, 90), rng.uniform(0, 180, 90), rng.uniform(-60, 90, 90), strict=True):
@@ -221,7 +221,7 @@ def test_a_picture_without_texture_outside_the_outline_stays_as_it_is() -> None:
 
 
 def row_of(check_of: Check) -> str:
-    """Return a row of the table of quality checks as text."""
+    # Return a row of the table of quality checks as text.
     widens = "" if check_of.widens is None else " ".join(f"{check_of.widens(value):.5g}" for value in (0.1, 0.9, 3.0))
     return (
         f"{check_of.finding}: {check_of.name} {'below' if check_of.below else 'above'} {check_of.limit}, "

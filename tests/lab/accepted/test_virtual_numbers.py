@@ -275,7 +275,7 @@ def test_a_simulation_has_the_accepted_numbers(section: str, tmp_path: Path) -> 
 
 
 def small_rig(**of_rig: Any) -> Rig:
-    """Return the program's own virtual rig with a coarse mesh and small frames."""
+    # Return the program's own virtual rig with a coarse mesh and small frames.
     shipped = load_rig("virtual")
     assert shipped.virtual is not None
     bench = {"coil_constant_mT_per_A": 5.0, "background_field_mT": (0.1, 0.2), "cast_bend_mm": 0.2, "taper_mm": 0.1,

@@ -46,7 +46,7 @@ HALL = RigSensor(name="hall", driver="lakeshore-425", address="COM7", measures="
 
 
 def real(driver: str, voltage_V: float = 20.0, **more: Any) -> Rig:
-    """Return the virtual rig with a real supply whose current limit is smaller than that of the protocol."""
+    # Return the virtual rig with a real supply whose current limit is smaller than that of the protocol.
     limits = VIRTUAL.supply.limits.model_copy(update={"current_A": 1.55, "voltage_V": voltage_V})
     supply = VIRTUAL.supply.model_copy(
         update={"driver": driver, "address": "/dev/ttyUSB3", "limits": limits, "off_below_A": 0.03}

@@ -17,7 +17,7 @@ SHIPPED = Path(str(files("eimi_lab.protocols")))
 
 @pytest.fixture(scope="package")
 def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with protocol.toml, specimen.toml, rig.toml, and the dataset run.h5 with edges."""
+    # A folder with protocol.toml, specimen.toml, rig.toml, and the dataset run.h5 with edges.
     folder = tmp_path_factory.mktemp("bench")
     protocol = (SHIPPED / "dragon_skin_10_quick.toml").read_text(encoding="utf-8")
     protocol = re.sub(r"start_A = .*\nstop_A = .*\nstep_A = .*\n", "values_A = [0.0, 0.8, 1.5]\n", protocol, count=1)
@@ -35,11 +35,11 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def run(bench: Path, tmp_path: Path) -> Path:
-    """A copy of the dataset `run.h5` that a test may change."""
+    # A copy of the dataset `run.h5` that a test may change.
     return Path(shutil.copy(bench / "run.h5", tmp_path))
 
 
 @pytest.fixture(scope="package")
 def fitted(bench: Path) -> FitRecord:
-    """The fit of the neo-Hookean law to the dataset `run.h5`."""
+    # The fit of the neo-Hookean law to the dataset `run.h5`.
     return eimi.fit(bench / "run.h5", "neo-hookean")

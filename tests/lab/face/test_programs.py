@@ -25,7 +25,7 @@ PUBLIC = {"eimi_lab", "eimi_fitting", "eimi_fitting.laws"}
 
 
 def code_lines(text: str) -> int:
-    """Return the number of lines of a program without its docstring and without empty lines."""
+    # Return the number of lines of a program without its docstring and without empty lines.
     return len([line for line in text.split('"""', 2)[2].splitlines() if line.strip()])
 
 
@@ -39,7 +39,7 @@ def again(bench: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def folder(bench: Path, again: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The working directory: run.h5, its TOML files, two datasets in `runs`, and frames.npy, an array of frames."""
+    # The working directory: run.h5, its TOML files, two datasets in `runs`, and frames.npy, an array of frames.
     shutil.copytree(bench, tmp_path, dirs_exist_ok=True)
     (tmp_path / "runs").mkdir()
     shutil.copy(bench / "run.h5", tmp_path / "runs" / "a.h5")
@@ -52,10 +52,8 @@ def folder(bench: Path, again: Path, tmp_path: Path, monkeypatch: pytest.MonkeyP
 
 @contextmanager
 def rig(files: Path, supply: str, camera: str, source: str) -> Iterator[CoilSupply]:
-    """Serve an emulated SCPI supply, and write `files`/rig.toml with its address; yield the supply.
-
-    supply, camera: names of drivers. source: where the camera takes its frames from.
-    """
+    # Serve an emulated SCPI supply, and write `files`/rig.toml with its address; yield the supply.
+    # supply, camera: names of drivers. source: where the camera takes its frames from.
     coil = CoilSupply(WallClock())
     with serve_pty(emulate("scpi", coil)) as port:
         playback = ", playback = { picture_a_state = true }" if camera == "opencv" else ""

@@ -25,7 +25,7 @@ print(*(name for name in eimi.__all__ if getattr(eimi, name) is None))
 
 
 def loaded_by(statement: str) -> set[str]:
-    """Return the names of the modules that a new interpreter has loaded after a statement."""
+    # Return the names of the modules that a new interpreter has loaded after a statement.
     words = f"import sys\n{statement}\nprint(*sys.modules)"
     result = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True)
     return set(result.stdout.split())

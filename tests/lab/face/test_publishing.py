@@ -33,7 +33,7 @@ family_name = "Müller"
 
 @pytest.fixture(scope="module")
 def results(bench: Path, fitted: FitRecord, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a dataset, its fit, a material card whose file name has an umlaut, and a hidden file."""
+    # A folder with a dataset, its fit, a material card whose file name has an umlaut, and a hidden file.
     folder = tmp_path_factory.mktemp("published") / "run 1"
     folder.mkdir()
     shutil.copy(bench / "run.h5", folder)

@@ -67,7 +67,7 @@ WRONG = {
 
 
 def checked(text: str, folder: Path) -> str:
-    """Return the output of mypy for a program outside the repository."""
+    # Return the output of mypy for a program outside the repository.
     (folder / "client.py").write_text(text, encoding="utf-8")
     environment = os.environ | {"MYPYPATH": os.pathsep.join(map(str, (ROOT, ROOT / "drivers", ROOT / "fitting")))}
     options = ["--strict", "--follow-imports=silent", "--no-error-summary", "--config-file=", f"--cache-dir={CACHE}"]

@@ -57,7 +57,7 @@ class Served:
 
     @contextmanager
     def socket(self, introduced: bool = True) -> Iterator[ClientConnection]:
-        """Open a WebSocket of the page; if `introduced`, its first message is the secret token of the page."""
+        # Open a WebSocket of the page; if `introduced`, its first message is the secret token of the page.
         with connect(f"ws://{self.host}/live", origin=f"http://{self.host}", proxy=None) as connection:
             if introduced:
                 connection.send(json.dumps({"token": TOKEN}))
@@ -83,7 +83,7 @@ class Served:
 
 @pytest.fixture(scope="session")
 def data_folder(tmp_path_factory: pytest.TempPathFactory, texts: dict[str, str], frame: Callable[..., Any]) -> Path:
-    """A folder with two images in `frames/`, `states.csv`, the TOML files, and the dataset `run.h5`."""
+    # A folder with two images in `frames/`, `states.csv`, the TOML files, and the dataset `run.h5`.
     folder = tmp_path_factory.mktemp("data")
     for name, text in texts.items():
         (folder / f"{name}.toml").write_text(text)
@@ -113,7 +113,7 @@ def served(data_folder: Path) -> Iterator[Served]:
 
 @pytest.fixture(scope="session")
 def chromium() -> Iterator[Any]:
-    """The Chromium browser of the system or of Playwright."""
+    # The Chromium browser of the system or of Playwright.
     playwright = pytest.importorskip("playwright.sync_api", reason="needs playwright: pip install -e '.[test]'")
     with playwright.sync_playwright() as driver:
         installed = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -129,7 +129,7 @@ def chromium() -> Iterator[Any]:
 
 @pytest.fixture
 def tab(chromium: Any) -> Iterator[Callable[[str], Any]]:
-    """Return a function that opens an address in a new tab; the test fails if a script of the page raises an error."""
+    # Return a function that opens an address in a new tab; the test fails if a script of the page raises an error.
     context = chromium.new_context(viewport={"width": 1280, "height": 720})
     context.set_default_timeout(1000 * PATIENCE_S)
     faults: list[str] = []
@@ -160,7 +160,7 @@ class EmulatedBench:
 
 @pytest.fixture
 def emulated_bench(files: Path, frame: Callable[..., Any]) -> Iterator[EmulatedBench]:
-    """A served emulated bench whose protocol takes minutes, so that no run ends during a test."""
+    # A served emulated bench whose protocol takes minutes, so that no run ends during a test.
     (files / "shots").mkdir()
     for number in range(4):
         cv2.imwrite(str(files / "shots" / f"f_{number}.png"), frame(number, 3.0 * number))
@@ -185,7 +185,7 @@ playback = {{ picture_a_state = true, loop = true }}
 
 @pytest.fixture
 def dashboard() -> Iterator[Callable[[Path], tuple[subprocess.Popen[str], str]]]:
-    """Return a function that starts `eimi dashboard` on a folder; it returns the process and the printed address."""
+    # Return a function that starts `eimi dashboard` on a folder; it returns the process and the printed address.
     begun: list[subprocess.Popen[str]] = []
 
     def begin(folder: Path) -> tuple[subprocess.Popen[str], str]:

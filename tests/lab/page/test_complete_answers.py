@@ -39,7 +39,7 @@ PROTOCOLS = Path(str(files("eimi_lab.protocols")))
 
 
 def steered(served: Any, path: str, body: dict[str, Any]) -> tuple[int, Any]:
-    """Send a request of the tab in control, which alone may start and stop runs; return the status and the answer."""
+    # Send a request of the tab in control, which alone may start and stop runs; return the status and the answer.
     with in_control(served) as (_, name):
         answer = served.ask(path, "POST", json.dumps(body).encode(), Origin=f"http://{served.host}", X_Tab=name)
     return answer.status, json.loads(answer.body)
@@ -279,7 +279,7 @@ class Recorded:
 
 @pytest.fixture
 def recorded(served: Any, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-    """The list of the page's requests to a run; no real run is started."""
+    # The list of the page's requests to a run; no real run is started.
     monkeypatch.setattr(run_desk, "BenchRun", Recorded)
     monkeypatch.setattr(Recorded, "asked", [])
     monkeypatch.setattr(Recorded, "going_on", True)

@@ -53,8 +53,7 @@ from eimi_lab.process.stopping import Stopped
 
 
 def run(work: Awaitable[Any]) -> Any:
-    """Wait for a coroutine in a new thread, because the browser of another test may have an event loop in this one."""
-
+    # Wait for a coroutine in a new thread, because the browser of another test may have an event loop in this one.
     async def whole() -> Any:
         return await work
 
@@ -63,7 +62,7 @@ def run(work: Awaitable[Any]) -> Any:
 
 
 class Tabs:
-    """A replacement for the open tabs of the page."""
+    # A replacement for the open tabs of the page.
 
     def __init__(self) -> None:
         self.changes, self.shown, self.checked, self.open = 0, [], 0, True
@@ -85,7 +84,7 @@ class Tabs:
 
 
 class Direct:
-    """A replacement for the worker process, which records the calls and answers with `answer`."""
+    # A replacement for the worker process, which records the calls and answers with `answer`.
 
     def __init__(self, answer: Any = None) -> None:
         self.calls: list[Any] = []
@@ -97,7 +96,7 @@ class Direct:
 
 
 def asked(query: str = "", body: bytes = b"", *, content: str = "application/json") -> Request:
-    """Return a request with this query and this body."""
+    # Return a request with this query and this body.
     parts = [{"type": "http.request", "body": body, "more_body": False}]
 
     async def receive() -> Any:
@@ -242,7 +241,7 @@ def test_a_link_out_of_the_folder_is_not_followed(folder: DataFolder, tmp_path_f
 
 
 class Process:
-    """A replacement for a process whose error output is `lines`, and which ends with a status."""
+    # A replacement for a process whose error output is `lines`, and which ends with a status.
 
     def __init__(self, lines: list[bytes] | None = None, status: int = 0) -> None:
         self.lines, self.status, self.signals, self.typed = lines or [], status, [], []
@@ -412,7 +411,7 @@ def test_a_closed_page_ends_its_run(monkeypatch: pytest.MonkeyPatch, ends: bool)
 
 
 def starting(monkeypatch: pytest.MonkeyPatch, module: Any, process: Any) -> list[Any]:
-    """Replace the start of processes in a module, and return the list of their arguments."""
+    # Replace the start of processes in a module, and return the list of their arguments.
     started: list[Any] = []
 
     async def start(*arguments: str, **how: Any) -> Any:
@@ -891,7 +890,7 @@ HOST = ("host", "127.0.0.1:80")
 def answered(
     path: str = "/api", method: str = "GET", kind: str = "http", messages: Any = (), **headers: str
 ) -> tuple[list[Any], list[Any]]:
-    """Return the messages that a request is answered with, and those that reach the application."""
+    # Return the messages that a request is answered with, and those that reach the application.
     sent: list[Any] = []
     reached: list[Any] = []
     waiting = [*([{"type": "websocket.connect"}] if kind == "websocket" else []), *messages]

@@ -17,7 +17,7 @@ from tests.patience import PATIENCE_S
 
 @contextmanager
 def in_control(served: Any) -> Iterator[tuple[Any, str]]:
-    """Yield a WebSocket of the tab in control, which alone may start and stop runs, and the name of the tab."""
+    # Yield a WebSocket of the tab in control, which alone may start and stop runs, and the name of the tab.
     with served.socket() as tab:
         state = json.loads(tab.recv(timeout=PATIENCE_S))
         if state["control"] != "you":

@@ -98,7 +98,7 @@ playback = {{ picture_a_state = true, loop = true }}
 
 
 def messages(monkeypatch: pytest.MonkeyPatch, act: Callable[[], None]) -> list[tuple[dict[str, Any], bytes]]:
-    """Return the messages (description and JPEG) that `act` writes to standard output."""
+    # Return the messages (description and JPEG) that `act` writes to standard output.
     output = io.BytesIO()
     monkeypatch.setattr("sys.stdout", SimpleNamespace(buffer=output))
     act()
@@ -112,7 +112,7 @@ def messages(monkeypatch: pytest.MonkeyPatch, act: Callable[[], None]) -> list[t
 
 
 def closed_pipe(content: bytes) -> int:
-    """Return the reading end of a pipe that contains `content` and whose writing end is closed."""
+    # Return the reading end of a pipe that contains `content` and whose writing end is closed.
     read, write = os.pipe()
     os.write(write, content)
     os.close(write)

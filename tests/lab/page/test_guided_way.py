@@ -51,7 +51,7 @@ def test_a_run_is_started_paused_stopped_and_fitted_with_the_keyboard_on_the_scr
 
 
 def press(page: Any, name: str) -> None:
-    """Move the focus to a button with the key Tab, and press Enter."""
+    # Move the focus to a button with the key Tab, and press Enter.
     page.get_by_role("button", name=name, exact=True).wait_for()
     page.locator("body").evaluate("() => document.activeElement.blur()")
     for _ in range(60):

@@ -19,7 +19,7 @@ PAIRS = [
 
 
 def colours() -> dict[str, dict[str, str]]:
-    """Return the colours of the style sheet, by colour scheme ("light", "dark") and name."""
+    # Return the colours of the style sheet, by colour scheme ("light", "dark") and name.
     sheet = (STATIC / "page.css").read_text()
     blocks = re.findall(r":root \{(.*?)\}", sheet, re.DOTALL)
     return {
@@ -29,7 +29,7 @@ def colours() -> dict[str, dict[str, str]]:
 
 
 def luminance(colour: str) -> float:
-    """Return the relative luminance of a colour as WCAG 2.2 defines it."""
+    # Return the relative luminance of a colour as WCAG 2.2 defines it.
     digits = colour[1:] if len(colour) == 7 else "".join(2 * digit for digit in colour[1:])
     parts = [int(digits[at : at + 2], 16) / 255 for at in (0, 2, 4)]
     linear = [part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts]

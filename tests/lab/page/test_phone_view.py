@@ -32,7 +32,7 @@ def bodies(scene: Any) -> Any:
 
 @pytest.fixture(scope="module")
 def photographs(scene: Any, bodies: Any, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    """Three rendered photographs: of the beam alone, and of the beam with each of two weights."""
+    # Three rendered photographs: of the beam alone, and of the beam with each of two weights.
     folder = tmp_path_factory.mktemp("phone")
     paths = [folder / f"IMG_{number}.jpg" for number in range(len(GRAMS))]
     for number, (path, body, grams) in enumerate(zip(paths, bodies, GRAMS, strict=True)):
@@ -49,7 +49,7 @@ class Phone:
         self.page.get_by_text(re.compile(r"pictures? (is|are) in the folder")).wait_for()
 
     def click(self, place: list[float]) -> None:
-        """Click at `place` (x, y in px of the photograph), and correct the point with the arrow keys."""
+        # Click at `place` (x, y in px of the photograph), and correct the point with the arrow keys.
         marks = self.page.locator("#phone-picture .mark")
         before = marks.count()
         box = self.page.locator("#phone-picture svg").bounding_box()
@@ -116,7 +116,7 @@ def test_photographs_clicks_and_typed_numbers_lead_to_the_modulus(
 
 
 def check_files(folder: Path, scene: Any) -> None:
-    """Assert that other commands can read the files that the view has written."""
+    # Assert that other commands can read the files that the view has written.
     calibration = load_calibration(folder / "calibration.toml")
     assert (calibration.coil_constant_mT_per_A, calibration.field_angle_deg) == (None, None)
     assert not calibration.telecentric
@@ -176,7 +176,7 @@ def test_points_can_be_set_and_moved_on_the_screen_of_a_phone(
 
 
 def position(mark: Any) -> list[float]:
-    """Return x and y of a mark in px of the photograph."""
+    # Return x and y of a mark in px of the photograph.
     return [float(number) for number in re.findall(r"[-\d.]+", mark.get_attribute("transform"))]
 
 

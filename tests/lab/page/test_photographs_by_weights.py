@@ -66,7 +66,7 @@ density_kg_m3 = 10    # assumed
 
 @pytest.fixture
 def photographed(tmp_path: Path, frame: Callable[..., Any]) -> Path:
-    """A folder with three photographs of a beam, a hidden photograph and a file that is no photograph."""
+    # A folder with three photographs of a beam, a hidden photograph and a file that is no photograph.
     folder = tmp_path / "weights"
     folder.mkdir()
     for seed, name in enumerate(("IMG_2", "IMG_10", "IMG_11")):

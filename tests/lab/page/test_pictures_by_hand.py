@@ -29,7 +29,7 @@ NUMBERS = {
 
 @pytest.fixture
 def own(files: Path, frame: Callable[..., Any]) -> Path:
-    """A folder with three pictures of a beam; the alphabetical order of their names is not that of the numbers."""
+    # A folder with three pictures of a beam; the alphabetical order of their names is not that of the numbers.
     folder = files / "own"
     folder.mkdir()
     for seed, name in enumerate(("p_2", "p_10", "p_11")):

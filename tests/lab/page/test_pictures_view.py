@@ -15,7 +15,7 @@ from eimi_lab.dataset.reading import open_dataset
 
 
 def drag(page: Any, name: str, x: float, y: float) -> None:
-    """Drag the handle `name` to the pixel (x, y) of a picture of 128 x 96 pixels."""
+    # Drag the handle `name` to the pixel (x, y) of a picture of 128 x 96 pixels.
     box = page.locator("#by-hand svg").bounding_box()
     handle = page.get_by_role("button", name=name).bounding_box()
     page.mouse.move(handle["x"] + handle["width"] / 2, handle["y"] + handle["height"] / 2)

@@ -26,7 +26,7 @@ YOUNG_PA, FORCES_N = 150e3, (1e-4, 2e-4, 3e-4)
 
 @pytest.fixture
 def rod(served: Any, run: Callable[..., tuple[int, str]]) -> Path:
-    """The dataset rods/rod.h5: the tip of a cantilever under three forces, by slender-beam theory."""
+    # The dataset rods/rod.h5: the tip of a cantilever under three forces, by slender-beam theory.
     folder: Path = served.folder / "rods"
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()

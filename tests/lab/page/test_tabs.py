@@ -31,7 +31,7 @@ def logged() -> Iterator[list[str]]:
 
 
 def without_tabs(served: Any) -> None:
-    """Wait until the server has noticed that its last tab was closed."""
+    # Wait until the server has noticed that its last tab was closed.
     with served.socket() as socket:
         while '"tabs": 1' not in socket.recv(timeout=PATIENCE_S):
             pass
@@ -60,7 +60,7 @@ def test_a_tab_that_closes_leaves_no_message_on_the_terminal(served: Any, logged
 
 
 def state_with(socket: Any, **expected: Any) -> dict[str, Any]:
-    """Return the next message about the state of the page that has the values `expected`."""
+    # Return the next message about the state of the page that has the values `expected`.
     while True:
         message = socket.recv(timeout=PATIENCE_S)
         if isinstance(message, str):

@@ -53,7 +53,7 @@ class Socket:
 
 
 def run(test: Callable[[], Awaitable[None]]) -> None:
-    """Run a coroutine in a new thread."""
+    # Run a coroutine in a new thread.
     # The browser of another test may still have an event loop in this thread.
 
     async def whole() -> None:

@@ -37,7 +37,7 @@ MODULUS = Quantity(50e3, "Pa", (40e3, 65e3), (49e3, 52e3))
 
 @pytest.fixture(scope="session")
 def evidence(tmp_path_factory: pytest.TempPathFactory) -> Evidence:
-    """The data of a fit: simulated tracked points of a beam with the shear modulus 50 kPa in three fields."""
+    # The data of a fit: simulated tracked points of a beam with the shear modulus 50 kPa in three fields.
     path = tmp_path_factory.mktemp("printed") / "beam.h5"
     text = load_specimen("type1").text.replace('section = "solid"', 'section = "plane-stress"')
     specimen = parse(SpecimenFile, text, "type1")
@@ -58,7 +58,7 @@ def fitted(evidence: Evidence) -> FitRecord:
 
 @pytest.fixture
 def fit(fitted: FitRecord) -> FitRecord:
-    """A small fit whose numbers all differ."""
+    # A small fit whose numbers all differ.
     entry = BudgetEntry("width", "width", 0.02, "mm", (0,), 3.0)
     small = [BudgetEntry("depth", "depth", 0.01, "mm", (0,), size) for size in (0.9, 0.8, 0.7, 0.6, 0.3, 0.4)]
     return replace(
@@ -110,8 +110,7 @@ def tensile(tmp_path: Path) -> TensileRecord:
 
 @pytest.fixture
 def shown() -> Callable[..., ShownFit]:
-    """Return a function from a stored fit to the object that a report prints."""
-
+    # Return a function from a stored fit to the object that a report prints.
     def shown(fit: FitRecord | TensileRecord, comparison: tuple[Choice, ...] = ()) -> ShownFit:
         return ShownFit(Path("fits.json"), 0, fit, comparison, "bending")
 
@@ -120,8 +119,7 @@ def shown() -> Callable[..., ShownFit]:
 
 @pytest.fixture
 def validation() -> Callable[..., Validation]:
-    """Return a function that returns invented errors of a fit on its own dataset."""
-
+    # Return a function that returns invented errors of a fit on its own dataset.
     def validation(of: FitRecord, **changes: Any) -> Validation:
         values: dict[str, Any] = {
             "dataset": "beam.h5",
@@ -148,7 +146,7 @@ def validation() -> Callable[..., Validation]:
 
 @pytest.fixture(scope="session")
 def choices() -> tuple[Choice, ...]:
-    """The comparison of two laws on one dataset, in which the second law is better."""
+    # The comparison of two laws on one dataset, in which the second law is better.
     return (
         Choice("neo-hookean", 1, 55.0, 7.5, 3.25, 0.02, 0.0123),
         Choice("yeoh", 3, 55.0, 0.0, 0.0, 0.98, 0.0045),

@@ -35,7 +35,7 @@ _NUMBER = re.compile(r"[-−+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
 def described(value: Any, name: str = "") -> Iterator[str]:
-    """Yield the texts, numbers and graphical marks of a part of a report, one in a line, for a comparison."""
+    # Yield the texts, numbers and graphical marks of a part of a report, one in a line, for a comparison.
     if isinstance(value, Figure):
         yield from figure(value, name)
     elif isinstance(value, str | int | float | datetime) or value is None:
@@ -54,7 +54,7 @@ def described(value: Any, name: str = "") -> Iterator[str]:
 
 
 def numbers(values: Iterable[float]) -> str:
-    """Return some of the numbers as text, the first and the last among them."""
+    # Return some of the numbers as text, the first and the last among them.
     every = np.asarray(list(values), dtype=float)
     chosen = (
         every[np.unique(np.linspace(0, len(every) - 1, min(MOST, len(every))).astype(int))] if len(every) else every
@@ -123,7 +123,7 @@ def _mark(mark: Any, axes: Axes) -> str:
 
 
 def _name(mark: Any) -> str:
-    """Return the label of a mark; empty if matplotlib has chosen the label."""
+    # Return the label of a mark; empty if matplotlib has chosen the label.
     label = str(mark.get_label())
     return "" if label.startswith("_") else label
 
@@ -138,8 +138,7 @@ def _text(text: Text) -> str:
 def differences(
     lines: Iterable[str], expected: Iterable[str], relative: float = 0.02, absolute: float = 2e-3
 ) -> list[str]:
-    """Return the lines that differ from the expected lines in a word, or in a number by more than the tolerances."""
-
+    # Return the lines that differ from the expected lines in a word, or in a number by more than the tolerances.
     def near(one: str, other: str) -> bool:
         if _NUMBER.sub("#", one) != _NUMBER.sub("#", other):
             return False

@@ -15,7 +15,7 @@ from matplotlib.text import Text
 
 
 def printed_figure(figure: Figure) -> str:
-    """Return the labels of a figure and the coordinates of its marks, one per line."""
+    # Return the labels of a figure and the coordinates of its marks, one per line.
     parts = [*figure.texts, *(text for legend in figure.legends for text in legend.get_texts())]
     lines = [text.get_text() for text in parts]
     for axes in figure.axes:

@@ -48,7 +48,7 @@ Shown = Callable[..., ShownFit]
 
 
 def printed_table(table: Table | None) -> dict[str, str]:
-    """Return the rows of a table without the caption, as HTML, CSV and LaTeX, by name of the table and format."""
+    # Return the rows of a table without the caption, as HTML, CSV and LaTeX, by name of the table and format.
     assert table is not None
     bare = replace(table, caption="", notes=())
     page = str(Elements().table(bare)).partition("<tbody>")[2]
@@ -57,7 +57,7 @@ def printed_table(table: Table | None) -> dict[str, str]:
 
 
 def namespace(content: Any) -> Any:
-    """Return nested dictionaries as nested objects, whose attributes are the keys."""
+    # Return nested dictionaries as nested objects, whose attributes are the keys.
     if isinstance(content, dict):
         return SimpleNamespace(**{key: namespace(value) for key, value in content.items()})
     return [namespace(value) for value in content] if isinstance(content, list) else content
@@ -118,7 +118,7 @@ def numbers_of_a_fit(fit: FitRecord, evidence: Evidence, shown: Shown) -> dict[s
 
 
 def numbers_of_the_figures_of_a_fit(fit: FitRecord, shown: Shown) -> dict[str, list[str]]:
-    """Return, for each plot of a fit, the source of each printed number: path, ratio to the source, and unit."""
+    # Return, for each plot of a fit, the source of each printed number: path, ratio to the source, and unit.
     names = ("mu", "moment")
     small = tuple(BudgetEntry("depth", "depth", 0.01, "mm", (0,), effect) for effect in (0.25, 0.2, 0.15))
     record = replace(
@@ -312,7 +312,7 @@ def traces(
     validation: Callable[..., Validation],
     shown: Shown,
 ) -> dict[str, list[str]]:
-    """Return, for each text, table and figure, the stored number from which each printed number comes."""
+    # Return, for each text, table and figure, the stored number from which each printed number comes.
     return {
         **numbers_of_a_fit(fit, evidence, shown),
         **numbers_of_the_figures_of_a_fit(fit, shown),

@@ -51,7 +51,7 @@ Shown = Callable[..., ShownFit]
 
 
 def law(fit: FitRecord, name: str, factor: float) -> FitRecord:
-    """Return a fit of another law, with parameters in proportion to `factor`."""
+    # Return a fit of another law, with parameters in proportion to `factor`.
     names = LAWS[name].parameter_names
     values = {key: factor * 7e3 / (1 + k) if "alpha" not in key else 1.5 + k for k, key in enumerate(names)}
     parameters = {key: Quantity(value, "Pa", (0.8 * value, 1.3 * value)) for key, value in values.items()}
@@ -67,7 +67,7 @@ def law(fit: FitRecord, name: str, factor: float) -> FitRecord:
 
 
 def variants(fit: FitRecord) -> Iterator[tuple[str, FitRecord]]:
-    """Yield fits with their names; each differs from the first fit in something that its sentences tell."""
+    # Yield fits with their names; each differs from the first fit in something that its sentences tell.
     (curve,), (dataset,) = fit.tensile, fit.datasets
     prior = Prior("mu", 52e3, 2e3)
     degrees = BudgetEntry("magnetisation", "direction of magnetisation", 3.0, "deg", (0,), 7.77)
@@ -166,7 +166,7 @@ FIELDS = (4.0, 0.5, -2.5, 1.25)
 
 
 def prediction(of: ShownFit, factor: float, fields: tuple[float, ...] = FIELDS, points: bool = False) -> Any:
-    """Return invented errors of a fit in four states, in which two edges bend with the field."""
+    # Return invented errors of a fit in four states, in which two edges bend with the field.
     count = len(fields)
     along = np.linspace(0.0, 20.0, 9)
     bend = 0.01 * np.array(fields)[:, None] * along**2
@@ -195,7 +195,7 @@ def prediction(of: ShownFit, factor: float, fields: tuple[float, ...] = FIELDS, 
 
 
 def dataset(name: str, predictions: list[Any], magnet: Any, pixels_per_mm: float | None = 8.0) -> Any:
-    """Return a dataset with invented predictions, of a beam of 20 mm with or without a magnet."""
+    # Return a dataset with invented predictions, of a beam of 20 mm with or without a magnet.
     calibration = SimpleNamespace(pixels_per_mm=pixels_per_mm) if pixels_per_mm else None
     beam = SimpleNamespace(name=f"beam of {name} with a long name that has to be cut", length_mm=20.0, width_mm=3.0)
     return SimpleNamespace(
@@ -219,7 +219,7 @@ MAGNET = SimpleNamespace(length_mm=4.0, tip_offset_mm=0.5)
 
 @pytest.fixture
 def laws_shown(fit: FitRecord, tensile: TensileRecord, shown: Shown) -> list[ShownFit]:
-    """Four fits: three laws, one of them also with a tensile test, and one fitted to a tensile test alone."""
+    # Four fits: three laws, one of them also with a tensile test, and one fitted to a tensile test alone.
     bare = replace(fit, tensile=(), max_stretch=1.1)
     joint = replace(law(fit, "yeoh", 1.3), max_stretch=1.2)
     return [
@@ -272,7 +272,7 @@ def test_the_figures_of_several_fits_are_as_accepted(laws_shown: list[ShownFit],
 
 
 def correlated(shown: ShownFit, number: int) -> FitRecord:
-    """Return a fit with `number` unknowns, of which each two neighbours are correlated."""
+    # Return a fit with `number` unknowns, of which each two neighbours are correlated.
     assert isinstance(shown.fit, FitRecord)
     matrix = np.fromfunction(lambda i, j: np.where(i == j, 1.0, (-0.8) ** np.abs(i - j)), (number, number))
     names = tuple(f"input_{k}" for k in range(number))

@@ -37,8 +37,7 @@ def test_a_reference_in_short_and_as_a_line() -> None:
 
 
 def panels() -> list[Any]:
-    """Return panels whose values are their title and the contents."""
-
+    # Return panels whose values are their title and the contents.
     def panel(place: int, title: str, **how: Any) -> ReportPanel:
         return ReportPanel(
             place=place, title=title, template="", values=lambda given: DRAWN.append(title) or {"of": given}, **how
@@ -299,7 +298,7 @@ def test_the_material_of_a_tensile_test_is_compared_with_published_values() -> N
 
 
 def measured(**changes: Any) -> Any:
-    """Return a dataset without a magnet and without a rig; its attributes are changed to `changes`."""
+    # Return a dataset without a magnet and without a rig; its attributes are changed to `changes`.
     size = SimpleNamespace(
         name="one", material="soft", length_mm=20.0, width_mm=3.0, depth_mm=4.0, density_kg_m3=1000.0
     )

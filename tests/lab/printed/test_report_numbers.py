@@ -66,7 +66,7 @@ def test_a_tensile_fit_s_misfit_is_in_kilopascal_in_the_report(tensile: TensileR
 
 @pytest.fixture
 def simulated(fit: FitRecord, evidence: Evidence, shown: Shown) -> Any:
-    """The prediction of a fit on a dataset."""
+    # The prediction of a fit on a dataset.
     return SimpleNamespace(
         fitted_law=shown(fit), evidence=evidence, error_mm=np.array([0.01, 0.02, 0.03]), deviation_mm=np.full(3, 0.004)
     )
@@ -232,8 +232,7 @@ def test_no_table_of_the_report_loses_a_last_zero(fit: FitRecord, tensile: Tensi
 
 @pytest.fixture
 def report_of(shown: Shown, validation: Judged) -> Reported:
-    """Return a function that makes a report on one dataset, filmed at 25 px/mm."""
-
+    # Return a function that makes a report on one dataset, filmed at 25 px/mm.
     def report_of(fit: FitRecord, evidence: Evidence, truth: dict[str, Any] | None = None) -> Any:
         beam = SimpleNamespace(name="one", material="silicone")
         dataset = SimpleNamespace(

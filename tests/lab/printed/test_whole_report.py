@@ -39,10 +39,8 @@ ACCEPTED = Path(__file__).parent
 
 
 def check(lines: list[str], name: str, folder: Path, relative: float = 0.02, absolute: float = 2e-3) -> None:
-    """Assert that the lines agree with the accepted description `name`; write the new description into `folder`.
-
-    `relative` and `absolute` are the largest differences between numbers.
-    """
+    # Assert that the lines agree with the accepted description `name`; write the new description into `folder`.
+    # `relative` and `absolute` are the largest differences between numbers.
     lines = [line.replace(version("eimi-lab"), "VERSION") for line in lines]
     (folder / name).write_text("\n".join(lines) + "\n", encoding="utf-8")
     accepted = (ACCEPTED / name).read_text(encoding="utf-8").splitlines() if (ACCEPTED / name).exists() else []

@@ -30,10 +30,8 @@ class _Printed:
 
 
 def filled(content: Any, start: int = 0) -> Any:
-    """Return nested lists and dictionaries with slightly changed floats, so that all floats differ.
-
-    start: how many floats were changed before.
-    """
+    # Return nested lists and dictionaries with slightly changed floats, so that all floats differ.
+    # start: how many floats were changed before.
     count = start
 
     def fill(value: Any) -> Any:
@@ -51,7 +49,7 @@ def filled(content: Any, start: int = 0) -> Any:
 
 
 def numbers_of(content: Any, path: str = "") -> dict[str, float]:
-    """Return the numbers of nested lists and dictionaries by their paths, such as `budget.0.effect_percent`."""
+    # Return the numbers of nested lists and dictionaries by their paths, such as `budget.0.effect_percent`.
     if isinstance(content, dict):
         parts = content.items()
     elif isinstance(content, list):
@@ -64,7 +62,7 @@ def numbers_of(content: Any, path: str = "") -> dict[str, float]:
 
 
 def changed(content: Any, path: str) -> Any:
-    """Return a copy of nested lists and dictionaries, with a larger number at `path`."""
+    # Return a copy of nested lists and dictionaries, with a larger number at `path`.
     again = copy.deepcopy(content)
     part, *rest = again, *path.split(".")
     keys = [int(key) if key.isdigit() else key for key in rest]

@@ -156,7 +156,7 @@ class Weighing:
         ]
 
     def squares_of(self, base: int, posterior: Posterior, rows: Sequence[int]) -> float:
-        """Return the squared change of the residuals by the errors of some inputs, divided by their variance."""
+        """Return how much some uncertain inputs change the residuals: squares, divided by the variance of the residuals."""
         # base: index of a set of causes. rows: indices of the inputs.
         change = posterior.means[base, rows] / self._scale[rows] @ self._rows[rows]
         # The variance of noise and unexplained errors.

@@ -107,7 +107,7 @@ def test_a_beam_in_equilibrium_stays_at_rest(specimen: Specimen) -> None:
 
 
 def planar_elements() -> Any:
-    """Return a mesh of two distorted planar elements of varying thickness."""
+    # Return a mesh of two distorted planar elements of varying thickness.
     mesh = grid_mesh(np.array([0.0, 1.0, 2.5]), np.array([-0.5, 0.7]))
     x, y = mesh.nodes.T
     moved = np.column_stack([x + 0.05 * y * y, y + 0.1 * np.sin(x)])
@@ -201,7 +201,7 @@ def test_stresses_of_special_deformations_have_the_accepted_numbers(tmp_path: Pa
 
 
 def matrices(rng: np.random.Generator, elements: int, batch: int, unknowns: int) -> np.ndarray:
-    """Return positive definite matrices of elements."""
+    # Return positive definite matrices of elements.
     root = rng.normal(0, 1, (elements, batch, unknowns, unknowns))
     return root @ root.swapaxes(-1, -2) + np.eye(unknowns)
 
@@ -597,7 +597,7 @@ def test_one_step_of_newtons_method_has_the_accepted_numbers(tmp_path: Path) -> 
 
 
 def test_a_difficult_path_has_the_accepted_numbers(tmp_path: Path) -> None:
-    """The laws soften, buckle, diverge or are invalid, so that steps are divided and candidates are lost."""
+    # The laws soften, buckle, diverge or are invalid, so that steps are divided and candidates are lost.
     model, lines = BeamModel(FULL, 3, 1), []
     loads = Loads.along([0.5, 30.0, 90.0], gravity_angle_deg=180.0, field_angle_deg=150.0)
     parameters = np.array([[20e3, 2e3, 100.0], [9e3, -2e3, 100.0], [1e3, 0.0, 0.0], [-1.0, 0.0, 0.0], [4e3, -1e3, 0.0]])

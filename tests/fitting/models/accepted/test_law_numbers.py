@@ -98,7 +98,7 @@ def test_energies_have_their_derivatives(name: str) -> None:
 @pytest.mark.parametrize("nu2", [1.0, 16.0, 50.0])
 @pytest.mark.parametrize("k", range(2, 9))
 def test_the_series_ends_where_the_next_term_of_the_second_derivative_has_no_effect(nu2: float, k: int) -> None:
-    """Term k of the series is c z^(k + 1), and that of its second derivative is (k + 1) k c z^(k - 1)."""
+    # Term k of the series is c z^(k + 1), and that of its second derivative is (k + 1) k c z^(k - 1).
     c = float(np.prod([(nu2 + i * i) / ((2 * i + 1) * (i + 1)) for i in range(k + 1)]))
     z = (1e-16 / (c * (k + 1) * k)) ** (1 / (k - 1))
     assert _number_of_terms(nu2, 0.9999 * z) == k + 1
@@ -109,7 +109,7 @@ def test_the_series_ends_where_the_next_term_of_the_second_derivative_has_no_eff
 @pytest.mark.parametrize("nu", [0.5, 3.0, -2.0, 8.0])
 @pytest.mark.parametrize("far", [False, True])
 def test_the_series_and_the_closed_form_agree_with_chebyshevs_equation(nu: float, far: bool) -> None:
-    """g = cosh(nu arccosh c) fulfils (c^2 - 1) g'' + c g' = nu^2 g."""
+    # g = cosh(nu arccosh c) fulfils (c^2 - 1) g'' + c g' = nu^2 g.
     near = min(0.1, 2.0 / nu**2)
     c = 1 + (np.array([1.0001, 1.5, 10.0]) if far else np.array([1e-9, 1e-5, 0.01, 0.5, 0.9999])) * near
     g, g1, g2 = _cosh_of_scaled_angle(np.full(len(c), nu), c)
