@@ -156,7 +156,8 @@ class Weighing:
         ]
 
     def squares_of(self, base: int, posterior: Posterior, rows: Sequence[int]) -> float:
-        """Return how much some uncertain inputs change the residuals: squares, divided by the variance of the residuals."""
+        """Return how strongly some uncertain inputs change the residuals."""
+        # Squares, divided by the variance of the residuals.
         # base: index of a set of causes. rows: indices of the inputs.
         change = posterior.means[base, rows] / self._scale[rows] @ self._rows[rows]
         # The variance of noise and unexplained errors.
