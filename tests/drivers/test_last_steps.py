@@ -416,3 +416,14 @@ def test_the_drivers_of_another_package_are_those_of_its_group(monkeypatch: pyte
 def test_the_description_of_the_emulated_camera_is_as_accepted() -> None:
     accepted = (Path(__file__).parent / "accepted" / "genicam.xml").read_text(encoding="utf-8")
     assert gige_features.describe(2, "Rolling").split() == accepted.split()
+
+
+def test_a_level_that_an_aim_tti_does_not_take_is_named_with_its_address_and_query() -> None:
+    clock = SimulatedClock()
+    dialect = AimTtiDialect(CoilSupply(clock))
+    usual = dialect.receive
+    answering: Any = SimpleNamespace(receive=lambda data: b"CP1 2.5\r\n" if data == b"OCP1?\n" else usual(data))
+    supply = SUPPLIES["aim-tti"](InProcessTransport(answering, clock, "here"), Limits(1.0, 12.0), clock)
+    supply.set_voltage(12.0)
+    with pytest.raises(SetPointNotTaken, match=r"^here: .*1\.1.*but the answer to OCP1\? is 2\.5"):
+        supply.set_output(True)
