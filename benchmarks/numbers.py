@@ -134,7 +134,7 @@ def quantity(path: tuple[str, ...]) -> str:
 
 
 def compare(before: dict[str, Json], after: dict[str, Json], rtol: float) -> bool:
-    """Print the differences of two results; return whether none is missing or has a difference above ``rtol``."""
+    """Print the differences of two results; return whether all relative differences are at most ``rtol``."""
     first, second = dict(leaves(before)), dict(leaves(after))
     largest: dict[str, tuple[float, tuple[str, ...]]] = {}
     for path in first.keys() & second.keys():

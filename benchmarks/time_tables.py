@@ -42,10 +42,7 @@ class KeptTable(RingTable):
 
 @contextmanager
 def tables_shared(store: Path) -> Iterator[None]:
-    """Compute tables of frequencies and of the moments of the loads only once for all fits in the `with` block.
-
-    The tables are read from the file `store`, and written to it at the end.
-    """
+    """Let all fits in the `with` block share their computed tables, which are kept in the file `store`."""
     _KEPT.update(pickle.loads(store.read_bytes()) if store.exists() else {})
     loaded = len(_KEPT)
 

@@ -117,6 +117,7 @@ def _other_frames(dataset: Dataset, image: NDArray[Any]) -> str:
 
 
 def _elapsed_s(dataset: Dataset) -> float:
-    """Return the time (s) since the beginning of a run, at least the last time in its dataset."""
+    """Return the time (s) since the beginning of a run."""
+    # The clock of the computer may have been set back since the last frame.
     host_s = (datetime.now(UTC) - dataset.start_time()).total_seconds()
     return max(host_s, dataset.last_time_s())

@@ -88,7 +88,7 @@ class Starter:
         return os.getppid() == self._process
 
     def kill(self) -> None:
-        """Kill the process that this object describes, if it is still running: the one that started this process."""
+        """Kill the process, if it is still running."""
         if sys.platform == "win32":
             _kernel.TerminateProcess(self._handle, 1)
         elif self.runs():

@@ -117,7 +117,7 @@ def moment(extent: Extent, seed: int) -> list[dict[str, Any]]:
 
 
 def states_needed(extent: Extent, seed: int) -> list[dict[str, Any]]:
-    """Return the half-width (%) of the 95 % interval of the modulus for several numbers of states."""
+    """Compute how the 95 % interval of the modulus depends on the number of load steps."""
     rows = []
     for count in STATES[: extent.cases]:
         fields = np.linspace(0.0, _FIELDS_MT[-1], count)

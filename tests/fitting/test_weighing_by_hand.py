@@ -1,8 +1,7 @@
-"""The comparison of possible causes of residuals finds the sizes, probabilities and errors computed by hand.
+"""The probabilities of the causes of residuals agree with calculations by hand."""
 
-The comparison in this file has a law with two parameters, one uncertain input, one correction and three causes. Each
-residual is one number, so that all sums can be computed by hand.
-"""
+# The law has two parameters, and there are one uncertain input, one correction and three causes. Each residual is one
+# number.
 
 from __future__ import annotations
 

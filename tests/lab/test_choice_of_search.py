@@ -1,4 +1,4 @@
-"""The silhouette, or the path that was followed from the clamp, gives the edges of a beam; stand-ins for both."""
+"""The program chooses between two searches for the edges of a beam in a picture."""
 
 from __future__ import annotations
 

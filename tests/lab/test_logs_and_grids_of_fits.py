@@ -1,4 +1,4 @@
-"""Checkpoints, grids of fits, predictions and material cards, with quick stand-ins for the searches."""
+"""Stored steps of a search, fits for many combinations of inputs, predictions and material cards are right."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Functions that answer a question answer with a text, a number, True or False, also where nothing is found."""
+"""Small functions return the right value, also for empty or unusual arguments."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Each step of a segmentation, a correction, an import and a motion of a dataset gets the results of earlier steps."""
+"""The functions that segment, correct and import datasets call each other in the right order."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The file of a run is written, copied, repaired and read in steps, each with the right values in the right order."""
+"""The functions that write, copy, repair and read a dataset call each other in the right order."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Each step of a plan, of a study and of a discovery passes the right values on; stand-ins replace the computations."""
+"""The functions that plan runs and compute studies call each other with the right values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Each step of a run calls its instruments, its writer and its listeners in the right order with the right values."""
+"""A run calls its instruments and its dataset in the right order, with the right values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Open files, locks, pipes, processes, ports and text work on Windows; the script `.ci/windows` uses Wine."""
+"""Files, locks, processes and ports work on Windows. The script `.ci/windows` runs these tests with Wine."""
 
 from __future__ import annotations
 

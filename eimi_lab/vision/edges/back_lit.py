@@ -242,7 +242,7 @@ class BackLitSearch:
         return EdgePoints(self.frame.to_mm(side.points_px[kept]), sigma_px / self.pixels_per_mm)
 
     def words(self) -> dict[str, str]:
-        """Return texts for messages: how much a rotation of the beam changes the fitted modulus."""
+        """Return texts for messages, by name: effects of a twist of the beam on the result of a fit."""
         twist = self.findings.get("twist_deg", 0.0)
         return describe_turn_effects(twist, self.even_turn_deg, self.width_mm, self.depth_mm)
 

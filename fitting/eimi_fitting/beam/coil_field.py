@@ -123,7 +123,8 @@ class CoilShape:
     curvature_per_m2: float = 0.0
 
     def ratio(self, points_mm: Array, rest_mm: Array) -> tuple[Complex, Complex, Complex]:
-        """Return the complex ratio of the field at several points to that at a reference point, with derivatives."""
+        """Return the field at several points, divided by the field at a reference point, and its derivatives."""
+        # The field (x, y) is a complex number x + i y.
         # ``points_mm`` (B, 2), ``rest_mm`` (2,): the points and the reference point (x, y). The result: the ratio (B,),
         # its first derivatives (B, 2) in 1/mm, and its second derivatives (B, 2, 2) in 1/mm².
         values = np.zeros((6, len(points_mm)), complex)

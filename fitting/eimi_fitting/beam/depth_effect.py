@@ -121,7 +121,7 @@ class DepthEffect:
         return np.asarray((min(solved) - beyond <= places) & (places <= max(solved) + beyond))
 
     def thinned(self, most: int) -> DepthEffect:
-        """Return the interpolation between fewer solved load states."""
+        """Return an interpolation with at most ``most`` load states."""
         chosen = [int(np.argmax(np.abs(self.places)))]
         places = np.array(self.places)
         while len(chosen) < min(most, len(places)):

@@ -103,7 +103,7 @@ def _outward(curves: Array) -> Array:
 
 
 def _at_normals(lines: Array, middle: Array, normal: Array) -> Array:
-    """Return the points at which curves on a face of the beam cross the normals of its edge."""
+    """Return the intersections of curves with straight lines, by an iteration."""
     # ``lines`` (..., n, m, 2): m curves of n points. ``middle``, ``normal`` (..., n, 2): a point and the unit direction
     # of each of n normals. The result is (..., n, m, 2).
     n = lines.shape[-3]

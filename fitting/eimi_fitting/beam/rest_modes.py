@@ -1,4 +1,4 @@
-"""Smooth deviations of a specimen from its rest shape, as sums of a few modes."""
+"""Smooth changes of the shape of an unloaded beam, described by a few numbers."""
 
 # Let x increase from -1 at the clamp to 1 at the end of the flexible part. Bending mode i = 0, 1, ... has a curvature
 # proportional to the Legendre polynomial P_i(x) and a largest offset of 1 mm. A mode of the width adds P_1(x) or P_2(x)

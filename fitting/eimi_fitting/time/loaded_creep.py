@@ -42,7 +42,7 @@ class LoadCurve:
 
     @staticmethod
     def through(nominal: tuple[Array, Array], stronger: tuple[Array, Array], factor: float) -> LoadCurve:
-        """Interpolate the moment of the loads between static solutions in a nominal and in a stronger field."""
+        """Make the curve from static solutions in the nominal field and in a stronger field."""
         # ``nominal``, ``stronger``: rotations of the tip and moments. The stronger field is ``factor`` times the
         # nominal one; the difference gives the part of the moment that is due to the field.
         spline = _spline(*nominal)
@@ -112,7 +112,7 @@ class CreepHistories:
     Parameters
     ----------
     histories : sequence of (tuple of LoadStep, ndarray)
-        For each history, the loads, and the increasing times at which the rotation is needed.
+        For each history, the loads, and increasing times at which the rotation of the tip is computed.
     """
 
     def __init__(self, histories: Sequence[tuple[tuple[LoadStep, ...], Array]]) -> None:

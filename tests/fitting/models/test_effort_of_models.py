@@ -1,4 +1,4 @@
-"""Searches, iterations and scans of the beam models and laws have the stated numbers of starts, passes and points."""
+"""The solvers of beam models and laws need a known number of starts, iterations and grid points."""
 
 from __future__ import annotations
 

@@ -135,7 +135,8 @@ class Setup:
 
 
 def freed_number(name: str) -> tuple[str, int]:
-    """Convert the name of an unknown, such as "clamp y of dataset 0", into "clamp" and the index of y."""
+    """Return the input and the index of the component that the name of an unknown contains."""
+    # For example ("clamp", 1) for "clamp y of dataset 0".
     # Raises KeyError for an unknown name.
     part_name = name.partition(" of dataset")[0]
     return {part: (key, i) for key, source in SOURCES.items() for i, part in enumerate(source.parts)}[part_name]
