@@ -833,7 +833,7 @@ def test_options_of_tracked_points_place_them() -> None:
 @pytest.mark.parametrize(("as_json", "quiet"), [(False, False), (False, True), (True, False), (True, True)])
 def test_a_result_is_printed_once(capsys: pytest.CaptureFixture[str], as_json: bool, quiet: bool) -> None:
     def command(*, path: Path, count: int = 3) -> Result:
-        # Do it.
+        """Do it."""
         return Result(["a", path], {"count": count, "path": path, "µ": None})
 
     run = printing(command)
