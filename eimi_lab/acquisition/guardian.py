@@ -134,7 +134,8 @@ class Guardian:
         self._beaten_s, self._gap_s = awake_s(), 0.0
 
     def expect(self, identity: Identity) -> None:
-        """Send the identity of the run's supply to the guardian process, which then accepts no other supply."""
+        """Tell the guardian process which supply it must switch off if the run fails."""
+        # It switches no supply with another identity off.
         self._send(SUPPLY + json.dumps([identity.text, identity.serial_number]).encode())
 
     def recognise(self) -> None:

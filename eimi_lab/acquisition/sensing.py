@@ -33,7 +33,8 @@ def coil_thermometer(rule: RigSensor, supply: PowerSupply, clock: Clock) -> Coil
     Parameters
     ----------
     rule : RigSensor
-        Table of the sensor in the rig file, with the temperature (°C) and the current (A) of the measurement at rest.
+        Table of the sensor in the rig file. It gives the temperature (°C) and the current (A) at which the resistance
+        of the cold coil is measured.
     supply : PowerSupply
         Measures the voltage and the current of the coil.
     clock : Clock

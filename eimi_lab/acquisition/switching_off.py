@@ -94,7 +94,7 @@ class _SignalsHeeded:
             raise Stopped(self._noted[0])
 
     def _refuse_a_gap(self) -> None:
-        """Raise StoodStill, and leave out the ramp to zero current, if the computer slept or the process stopped."""
+        # After a sleep of the computer, or a stop of the process, the coil is switched off without a ramp.
         if self._guardian:
             try:
                 self._guardian.refuse_a_gap()

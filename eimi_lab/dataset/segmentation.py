@@ -262,11 +262,9 @@ def _edges_in(
     expected_mm: NDArray[np.float64] | None = None,
     between_mm: NDArray[np.float64] | None = None,
 ) -> EdgeSet:
-    """Find the edges in the mean image of a load step.
-
-    ``earlier`` returns the edges of an earlier load step, if several bodies may be the beam. The middle line is
-    expected at ``expected_mm`` (n, 2), mm, or between this line and ``between_mm`` (m, 2), mm.
-    """
+    """Find the edges in the mean image of a load step."""
+    # ``earlier`` returns the edges of an earlier load step, if several bodies may be the beam. The middle line is
+    # expected at ``expected_mm`` (n, 2), mm, or between this line and ``between_mm`` (m, 2), mm.
     image, calibration, dataset = frames.mean(index), frames.calibration, frames.dataset
     region = region_of(calibration, image.shape)
     edge_set = find_edges(

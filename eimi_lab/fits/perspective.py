@@ -51,7 +51,7 @@ def seen_depth(observed: EdgeObservation, centre_mm: Array, depth_mm: float) -> 
     centre_mm : ndarray, shape (2,)
         x and y of the optical axis in the plane of the beam.
     depth_mm : float
-        Depth of the beam.
+        Size of the beam along the optical axis.
     """
     if len(observed.points_mm) < _FEWEST_STATES:
         return None
@@ -78,10 +78,8 @@ def _slope(profiles: Array) -> float:
 
 
 def _profile(observed: EdgeObservation, k: int, centre_mm: Array) -> Array:
-    """Return apparent width (mm), sum of the distances of both edges from the optical axis (mm), and curvature (1/mm).
-
-    The shape is (3, m), for m stations along the beam.
-    """
+    # Return, at m places along the beam in state k, the apparent width (mm), the sum of the distances of both edges
+    # from the optical axis (mm), and the curvature (1/mm) of the middle line, (3, m).
     left, right = (
         side[np.isfinite(sigma)] for side, sigma in zip(observed.points_mm[k], observed.sigma_mm[k], strict=True)
     )

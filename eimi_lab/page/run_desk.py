@@ -1,4 +1,4 @@
-"""The web addresses of the page that start, pause, end and stop a run."""
+"""The web addresses with which the page controls a run."""
 
 from __future__ import annotations
 

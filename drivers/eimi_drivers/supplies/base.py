@@ -254,7 +254,7 @@ class SupplyBase(Conversation, ABC):
         return replace(off, found_off=found_off)
 
     def _reopen_and_compare(self) -> bool:
-        """Reopen the connection, and return whether the output is already off."""
+        """Reopen a lost connection, and return whether the same supply is there with its output off."""
         try:
             if not self._link.reopen() or self._bound is None:
                 return False

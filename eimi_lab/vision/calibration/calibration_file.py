@@ -164,10 +164,9 @@ def _views_of(board: Board, paths: Sequence[Path]) -> tuple[dict[Path, View], tu
 
 
 def _lens_of(views: dict[Path, View], size: tuple[int, int], mid_plane: View) -> tuple[Lens, float]:
-    """Return the calibrated lens, and the distance (mm) from the lens to the beam.
-
-    `views` and `mid_plane`: points on the board (mm) and in the image (px). `size`: width and height of the images.
-    """
+    """Return the calibrated lens, and the distance (mm) from the lens to the beam."""
+    # `views`: the board in several images. `mid_plane`: the board in the middle plane of the beam. `size`: width and
+    # height of the images.
     try:
         lens = calibrate_lens(list(views.values()), size)
         return lens, lens.stand_off_mm(mid_plane)

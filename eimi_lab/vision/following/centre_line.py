@@ -31,8 +31,7 @@ _APART_PX = 4.0 * CLICKED_PX  # clicks nearer to each other than this give no di
 class CentreLine:
     """An expected centre line of the beam.
 
-    The search chooses the path with the largest sum of gains. Each step near this line has a gain that is positive or
-    zero, each step far from the line a negative gain.
+    The search for a beam prefers paths near this line: it adds a score for each piece of a path.
 
     Attributes
     ----------
@@ -41,11 +40,11 @@ class CentreLine:
     length_px : float
         Length of the line.
     free_px : ndarray, shape (n,)
-        Distance from each point up to which a step is near the line.
+        Distance (px) from each point up to which a piece of a path is near the line.
     evidence : float
-        Gain of a step near the line.
+        Score of a piece near the line; it is not negative.
     largest_cost : float
-        The gain of a step far from the line is at least minus this value.
+        Far from the line the score is negative, at least minus this value.
     """
 
     points: Array

@@ -16,7 +16,7 @@ _FARTHEST = 99.0  # widths: reported if nothing was followed
 
 
 def with_clicks(followed: FollowedBeam, clicks: Array, width_px: float) -> FollowedBeam:
-    """Add the distance of the farthest clicked point from the followed path to the result of following a beam.
+    """Compare the path along which a beam was followed with points that a person clicked.
 
     Parameters
     ----------

@@ -41,7 +41,7 @@ _SURELY_BEAM = 0.9  # of the stated length, which is known to a tenth
 class Sides:
     """The left and the right edge in each of the n rows of the straightened picture of the beam.
 
-    Each row of this picture crosses the beam. Lengths are in widths of the beam in the specimen file.
+    Each row of this picture crosses the beam. The unit of all lengths is the width of the beam.
 
     Attributes
     ----------

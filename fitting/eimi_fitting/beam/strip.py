@@ -167,13 +167,13 @@ class Strip:
         return self._lines(s, self.depth_mm, 0.5 * self.straight.depth_mm, core)
 
     def thickness(self, s: Array) -> Array | None:
-        """Return the depth of the beam, divided by that of the reference beam, at arc lengths from the clamp."""
+        """Return the relative depth of the beam at arc lengths from the clamp."""
         # None if the depth is constant.
         return self.depth_mm(s) / self.straight.depth_mm if self._depths else None
 
 
 def _rescaled(value: Array, before: Array, after: Array) -> Array:
-    """Map distances from the middle of one beam to those in another beam, linearly inside the magnet and beside it."""
+    # Map distances from the middle of one beam to those in another beam, linearly inside the magnet and beside it.
     # ``before``, ``after``: distances of the side of the magnet and of the side of the beam from the middle, in the one
     # beam and in the other beam.
     size = np.abs(value)

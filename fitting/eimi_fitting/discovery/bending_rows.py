@@ -163,7 +163,8 @@ def _changes_by_sources(experiments: Sequence[Experiment], law: SumOfTerms, abou
 def _whitened(
     experiment: Experiment, misfit: Misfit, model_error: Array, slopes: Array, nuisances: Array, about: Array
 ) -> tuple[Rows, float]:
-    """Return the linear equations of one beam, scaled to independent errors of variance 1, and the noise in mm."""
+    """Return linear equations for the coefficients of the law from one beam, and the noise in mm."""
+    # The equations are scaled to independent errors of variance 1.
     # ``model_error`` (K, 2, m): error of the beam model in mm, for K load states and two edges with m points.
     # ``slopes`` (J, K, 2, m): derivatives of the residuals by J coefficients of the law in mm/Pa. ``nuisances`` (q, K,
     # 2, m): changes of the residuals if one of q inputs changes by its standard uncertainty, in mm. ``about``:

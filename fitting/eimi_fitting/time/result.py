@@ -258,7 +258,8 @@ def result_of(
 
 
 def _moment(free: TimeOptimum, effects: Mapping[str, Array]) -> Quantity:
-    """Return the factor on the magnetic moment for which shapes at rest and motions give the same modulus."""
+    """Return the factor on the magnetic moment that the data of a fit give."""
+    # With this factor, static shapes and motions give the same modulus.
     # The moment is unknown in the fit ``free``.
     value, noise = float(np.exp(free.unknowns[-1])), float(free.covariance[-1, -1])
     total = noise + sum(float((moves[:, -1] ** 2).sum()) for moves in free.steps(effects).values())
@@ -271,8 +272,7 @@ def _moment(free: TimeOptimum, effects: Mapping[str, Array]) -> Quantity:
 
 
 def _gain(before_Hz: float, after_Hz: float) -> float:
-    """Return the derivative of ln(modulus) with respect to ln(frequency of the beam)."""
-    # ``after_Hz`` is the frequency with a 5 % higher modulus.
+    # Return d ln(modulus) / d ln(frequency). ``after_Hz`` is the frequency with a 5 % higher modulus.
     return float(np.log(1.05) / np.log(after_Hz / before_Hz))
 
 

@@ -1,4 +1,4 @@
-"""A dry run says the accepted words about each part of its files, and hands a run the right parts."""
+"""A dry run prints the stored text for each kind of protocol and rig."""
 
 # If a change is wanted, read the differences before you copy a new description over the accepted one.
 

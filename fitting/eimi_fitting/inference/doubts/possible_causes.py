@@ -1,4 +1,4 @@
-"""Describe a systematic error: its usual size, its effect on the assumptions of a fit, and how to confirm it."""
+"""Describe a systematic error of a measurement, such as a wrong scale: its usual size, and how to confirm it."""
 
 from __future__ import annotations
 

@@ -115,7 +115,7 @@ class Problem:
         return bool(self.unknowns.freed or self.curves or self.priors)
 
     def recorrected(self, evaluation: Evaluation, before: Problem) -> Evaluation:
-        """Return residuals after a change of their correction for the error of the beam model."""
+        """Correct residuals for the error of the beam model."""
         # `before` is the other fit. No simulation is needed.
         comparison = evaluation.comparison
         misfits = tuple(

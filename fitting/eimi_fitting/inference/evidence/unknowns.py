@@ -135,8 +135,7 @@ class Setup:
 
 
 def freed_number(name: str) -> tuple[str, int]:
-    """Return the input and the index of the component that the name of an unknown contains."""
-    # For example ("clamp", 1) for "clamp y of dataset 0".
+    """Convert a name such as "clamp y of dataset 0" into the pair ("clamp", 1)."""
     # Raises KeyError for an unknown name.
     part_name = name.partition(" of dataset")[0]
     return {part: (key, i) for key, source in SOURCES.items() for i, part in enumerate(source.parts)}[part_name]
