@@ -1,6 +1,6 @@
 """Measure the error of the modulus from rendered phone photographs of a beam that is bent by weights.
 
-    python -m benchmarks.phone [--scenes 20] [--share BEND] [-o FOLDER]
+    python -m benchmarks.phone [--scenes 20] [--share SIZE] [-o FOLDER]
 
 A scene is one beam in several photographs, with random errors of the typed sizes and of the clicks. The table shows the
 error of the modulus, the half-width of its 95 % interval, and whether the interval contains the true modulus. The goals
