@@ -228,8 +228,8 @@ def run_tests(
     lines = transcript.read_text(encoding="utf-8", errors="replace").strip().splitlines() or [""]
     failed = [line for line in lines if line.startswith("FAILED") or _is_import_failure(line)]
     outcome = _OUTCOMES.get(child.exitcode, BROKEN)
-    # Without a line for the failed test, pytest itself has failed, unless it counts failed tests. A mistake may spoil the
-    # output of the test that notices it.
+    # Without a line for the failed test, pytest itself has failed, unless it counts failed tests: a mistake may spoil
+    # the output of the test that notices it.
     if outcome == CAUGHT and not failed and not re.match(r"\d+ failed", lines[-1]):
         outcome = BROKEN
     return outcome, (failed or lines)[-1]
