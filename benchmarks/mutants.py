@@ -199,7 +199,10 @@ def _tried_without(left_out: Sequence[str], mutant: Mutant, copy: Path) -> tuple
         file.write_bytes(right)
         os.utime(file, (stat.st_atime, stat.st_mtime))
     if outcome == BROKEN and _is_import_failure(line):
-        right_code, _ = run_tests(mutant.tests or mutant.room_tests(copy), copy, mutant.limit_s, ("--collect-only",))
+        # pytest names the file of tests that cannot be imported.
+        unread = tuple(word for word in line.split()[1:2] if word.startswith("tests/"))
+        tests = unread or mutant.tests or tuple(mutant.room_tests(copy))
+        right_code, _ = run_tests(tests, copy, mutant.limit_s, ("--collect-only",))
         outcome = CAUGHT if right_code == SURVIVED else BROKEN
     return outcome, line
 
