@@ -12,7 +12,7 @@ import signal
 import struct
 import sys
 import threading
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
@@ -20,6 +20,7 @@ from functools import cache, partial
 from importlib import import_module
 from importlib.metadata import version
 from multiprocessing import resource_tracker
+from multiprocessing.process import BaseProcess
 from queue import Empty, SimpleQueue
 from typing import Any, TypeVar
 
@@ -211,7 +212,21 @@ def processes(workers: int) -> Iterator[Executor]:
             child.terminate()
         raise
     finally:
-        pool.shutdown(cancel_futures=True)
+        workers_of_pool = list(pool._processes.values())
+        pool.shutdown(wait=False, cancel_futures=True)
+        _wait_for_end(workers_of_pool)
+        pool.shutdown()
+
+
+def _wait_for_end(workers: Collection[BaseProcess]) -> None:
+    """Wait until all workers have ended; end the others if one of them was killed."""
+    # A worker that is killed while it waits for a task holds the lock of the queue of tasks. The others would wait for
+    # this lock for ever.
+    while running := [worker for worker in workers if worker.is_alive()]:
+        if any(worker.exitcode for worker in workers):
+            for worker in running:
+                worker.terminate()
+        running[0].join(_LOOK_EVERY_S)
 
 
 @contextmanager

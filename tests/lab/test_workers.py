@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
@@ -15,7 +16,7 @@ from typing import Any
 
 import pytest
 
-from eimi_lab.process.workers import completed, processes, started
+from eimi_lab.process.workers import _wait_for_end, completed, processes, started
 from tests.shared.processes import alive, wait_until
 
 
@@ -135,3 +136,30 @@ def test_a_worker_ignores_ctrl_c_gives_way_and_ends_with_its_killed_parent(tmp_p
     finally:
         if alive(worker):
             os.kill(worker, signal.SIGKILL)
+
+
+def test_a_killed_worker_does_not_keep_the_others_waiting() -> None:
+    context = multiprocessing.get_context("spawn")
+    waiting, killed = (context.Process(target=time.sleep, args=(1e4,), daemon=True) for _ in range(2))
+    for worker in (waiting, killed):
+        worker.start()
+    killed.kill()
+    _wait_for_end([waiting, killed])
+    assert (waiting.exitcode, killed.exitcode) == (-signal.SIGTERM, -signal.SIGKILL)
+
+
+def test_workers_that_end_are_not_terminated() -> None:
+    context = multiprocessing.get_context("spawn")
+    workers = [context.Process(target=time.sleep, args=(seconds,), daemon=True) for seconds in (0.0, 0.5)]
+    for worker in workers:
+        worker.start()
+    _wait_for_end(workers)
+    assert [worker.exitcode for worker in workers] == [0, 0]
+
+
+def test_a_pool_ends_if_a_worker_is_killed_after_the_last_task() -> None:
+    for _ in range(3):
+        with processes(2) as pool:
+            assert list(pool.map(doubled, [1, 3])) == [2, 6]
+            multiprocessing.active_children()[0].kill()
+        assert not multiprocessing.active_children()
