@@ -212,10 +212,9 @@ def processes(workers: int) -> Iterator[Executor]:
             child.terminate()
         raise
     finally:
-        workers_of_pool = list(pool._processes.values())
+        workers_of_pool = list((pool._processes or {}).values())
         pool.shutdown(wait=False, cancel_futures=True)
         _wait_for_end(workers_of_pool)
-        pool.shutdown()
 
 
 def _wait_for_end(workers: Collection[BaseProcess]) -> None:

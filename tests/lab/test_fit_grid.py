@@ -133,10 +133,12 @@ def test_the_bootstrap_interval_contains_the_modulus(beams: Path) -> None:
 def test_a_killed_worker_changes_nothing(beams: Path) -> None:
     tasks = grid(["neo-hookean"], [load_evidence(beams / "first.h5")], [1, 2])
     killed = []
+    # Other tests in this process may have processes of their own, such as the worker of the page.
+    others = set(multiprocessing.active_children())
 
     def kill_one(words: str) -> None:
         if not killed:
-            killed.append(multiprocessing.active_children()[0])
+            killed.append(next(child for child in multiprocessing.active_children() if child not in others))
             killed[0].kill()
 
     whole = fit_grid(tasks, {})
@@ -144,7 +146,7 @@ def test_a_killed_worker_changes_nothing(beams: Path) -> None:
     assert plain(fit_grid(tasks, {}, executor=partial(processes, 2), report=kill_one)) == plain(whole)
     assert killed
     assert killed[0].exitcode == -signal.SIGKILL
-    assert not multiprocessing.active_children()
+    assert set(multiprocessing.active_children()) <= others
 
 
 def test_a_refusal_is_the_same_with_workers_and_without(beams: Path, tmp_path: Path, run: Run) -> None:

@@ -155,3 +155,11 @@ def test_workers_that_end_are_not_terminated() -> None:
         worker.start()
     _wait_for_end(workers)
     assert [worker.exitcode for worker in workers] == [0, 0]
+
+
+def test_a_pool_ends_if_a_worker_is_killed_after_the_last_task(children: Children) -> None:
+    for _ in range(3):
+        with processes(2) as pool:
+            assert list(pool.map(doubled, [1, 3])) == [2, 6]
+            children().pop().kill()
+        assert not children()
