@@ -112,8 +112,9 @@ class Mutant:
     is_generated: bool = False
 
     def room_tests(self, project: Path) -> list[str]:
-        # Return the test files that run if none of ``tests`` detects the mistake: files that import ``self.file``.
-        # Those that ``room_tests.toml`` lists for the folder of the file are added. A mistake from a list has none.
+        # Return the files of tests that run if none of ``tests`` detects the mistake: the files that import the file of
+        # the mistake, and the files that ``room_tests.toml`` lists for its folder. A mistake that was not generated has
+        # no such files.
         if not self.is_generated:
             return []
         by_folder: dict[str, list[str]] = tomllib.loads(ROOM_TESTS.read_text(encoding="utf-8"))

@@ -268,3 +268,20 @@ def bench(files: Path, frame: Callable[..., np.ndarray]) -> Path:
     for number in range(PICTURES, NAMES):
         os.link(recording / f"f_{number % PICTURES}.png", recording / f"f_{number}.png")
     return files
+
+
+@pytest.fixture
+def called(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[Any]]:
+    # Return a function that replaces a function of the program, given by its path, with one that returns or calls
+    # `answer`. All calls are recorded in one list: name, arguments and keyword arguments.
+    calls: list[Any] = []
+
+    def replace(path: str, answer: Any = None) -> list[Any]:
+        def act(*arguments: Any, **keywords: Any) -> Any:
+            calls.append((path.rpartition(".")[2], arguments, keywords))
+            return answer(*arguments, **keywords) if callable(answer) else answer
+
+        monkeypatch.setattr(path, act)
+        return calls
+
+    return replace

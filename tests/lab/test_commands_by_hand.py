@@ -63,22 +63,6 @@ def test_the_arguments_of_every_command_are_as_accepted(tmp_path: Path) -> None:
     assert lines == accepted, f"the new description is {tmp_path / ACCEPTED.name}"
 
 
-@pytest.fixture
-def called(monkeypatch: pytest.MonkeyPatch) -> Any:
-    # Replace functions by paths, and return the list of their calls: name, arguments and keyword arguments.
-    calls: list[Any] = []
-
-    def replace(path: str, answer: Any = None) -> list[Any]:
-        def act(*arguments: Any, **keywords: Any) -> Any:
-            calls.append((path.rpartition(".")[2], arguments, keywords))
-            return answer(*arguments, **keywords) if callable(answer) else answer
-
-        monkeypatch.setattr(path, act)
-        return calls
-
-    return replace
-
-
 def test_acquire_passes_everything_on(called: Any) -> None:
     chosen = SimpleNamespace(currents_A=(0.0, 0.1, 0.2))
     called("eimi_lab.config.protocol.load_protocol", chosen)

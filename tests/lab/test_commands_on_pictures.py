@@ -175,21 +175,6 @@ Called = Callable[..., list[Any]]
 
 
 @pytest.fixture
-def called(monkeypatch: pytest.MonkeyPatch) -> Called:
-    made: list[Any] = []
-
-    def replace(path: str, answer: Any = None) -> list[Any]:
-        def act(*arguments: Any, **keywords: Any) -> Any:
-            made.append((path.rpartition(".")[2], arguments, keywords))
-            return answer(*arguments, **keywords) if callable(answer) else answer
-
-        monkeypatch.setattr(path, act)
-        return made
-
-    return replace
-
-
-@pytest.fixture
 def sources(tmp_path: Path) -> dict[str, Path]:
     # A folder of images, a video, a table of points and an image, and states.csv; all are empty.
     paths = {name: tmp_path / name for name in ("v.mp4", "p.csv", "i.png", "states.csv", "run.h5", "s.toml")}

@@ -37,22 +37,6 @@ def bare(kind: type, **values: Any) -> Any:
     return one
 
 
-@pytest.fixture
-def called(monkeypatch: pytest.MonkeyPatch) -> Called:
-    # Return a function that replaces functions of the program and records their calls.
-    calls: list[Any] = []
-
-    def replace(path: str, answer: Any = None) -> list[Any]:
-        def act(*arguments: Any, **keywords: Any) -> Any:
-            calls.append((path.rpartition(".")[2], arguments, keywords))
-            return answer(*arguments, **keywords) if callable(answer) else answer
-
-        monkeypatch.setattr(path, act)
-        return calls
-
-    return replace
-
-
 def test_the_defaults_of_the_python_functions_are_as_accepted(tmp_path: Path) -> None:
     lines = []
     for module in (acquiring, discovering, identifying, moving, segmenting, using):

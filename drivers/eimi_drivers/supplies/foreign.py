@@ -34,7 +34,7 @@ class Interruptions:
         self._last: BaseException | None = None
 
     def __call__(self) -> None:
-        """Call the function, and store its error."""
+        """Call the function of the program. If it raises an error, remember the error and raise it."""
         try:
             self._between_messages()
         except BaseException as error:
@@ -42,7 +42,7 @@ class Interruptions:
             raise
 
     def raised(self, error: BaseException) -> bool:
-        """Return whether the function raised this error."""
+        """Return whether the function of the program raised this error, and not the driver."""
         return error is self._last
 
 

@@ -213,7 +213,7 @@ class Vibration:
         return np.einsum("mbni,n,ij->mbj", nodal[..., :2], self.inertia.point_shares, self._moves_along)
 
     def _times_mass(self, free: Array, rigid: Array, tie: Array | None, now: Configuration) -> tuple[Array, Array]:
-        """Multiply the mass matrix by several shapes of motion."""
+        """Multiply the mass matrix by the displacements of several modes."""
         # ``free``, ``rigid``: as in `_local`, and as the results. ``tie``: as in `_modes`.
         local = self._local(free, rigid, tie)
         m, e, b, u = local.shape

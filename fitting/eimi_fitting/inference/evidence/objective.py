@@ -127,8 +127,7 @@ class Problem:
         return replace(evaluation, comparison=replace(comparison, misfits=misfits))
 
     def nearby(self, independent_points: float) -> Callable[[Array, Evaluation | None], Evaluation]:
-        """Return a function that computes the residuals of candidates."""
-        # It takes an earlier result, from which the solver starts.
+        """Return a function that computes the residuals of candidate laws, starting from an earlier result."""
         # Candidates have the shape (P, n). `independent_points` determines the weight of the edges.
         return lambda units, near: self.evaluate(
             units, independent_points, near=near.comparison.near if near else (), keep=True
