@@ -352,6 +352,17 @@ def test_an_incomplete_frame_is_named_in_the_error_and_is_counted_with_the_next_
     assert camera.lost_frames == Counter({"missing packets": 2, "status 42": 1, "no packet": 2})
 
 
+def test_a_frame_without_an_image_counts_as_incomplete_although_its_status_is_success(library: Library) -> None:
+    camera = AravisCamera("10.0.0.9", FREE)
+    library.coming = [{"id": 1}, {"id": 0, "region": (0, 0, 0, 0)}, {"id": 3}]
+    assert [camera.grab(1.0).number for _ in range(2)] == [1, 3]
+    assert camera.lost_frames == Counter({"no image": 1})
+    library.coming = [{"id": 0, "region": (0, 0, 4, 0)}]
+    with pytest.raises(InstrumentTimeout, match=r"; incomplete frames: 1 with no image$"):
+        camera.grab(1.0)
+    assert set(library.taken) <= {buffer for _, buffer in library.named("stream_push_buffer")}
+
+
 def test_a_camera_that_hangs_is_reported_as_disconnected(library: Library, monkeypatch: pytest.MonkeyPatch) -> None:
     camera = AravisCamera("10.0.0.9", FREE)
     monkeypatch.setattr(AtOnce, "hangs", True)

@@ -312,9 +312,12 @@ class AravisCamera:
             if status != SUCCESS:  # the other values of an incomplete frame have no meaning
                 self._incomplete[BUFFER_STATUS.get(status, f"status {status}")] += 1
                 return None
-            number = self._numbered(aravis.buffer_get_frame_id(buffer))
             left, top, width, height = (c_int() for _ in range(4))
             aravis.buffer_get_image_region(buffer, byref(left), byref(top), byref(width), byref(height))
+            if not (width.value and height.value):  # Aravis 0.8 seldom reports success for such a frame under load
+                self._incomplete["no image"] += 1
+                return None
+            number = self._numbered(aravis.buffer_get_frame_id(buffer))
             if self.settings.region is not None and (width.value, height.value) != self.settings.region[2:]:
                 raise ReplyNotUnderstood(
                     f"frame {number} has {width.value} x {height.value} pixels, but the region in the settings is "
