@@ -1,10 +1,10 @@
-"""Identify the viscoelastic (Prony) law of a beam from recorded motions and shapes at rest."""
+"""Identify the viscoelastic (Prony) law of a beam from recorded motions and static shapes."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,7 +73,7 @@ class RecordedMotion:
 
 @dataclass(frozen=True)
 class StaticRun:
-    """Shapes of a beam at rest under several constant loads."""
+    """Static shapes of a beam under several constant loads."""
 
     # The loads of K states.
     loads: Loads
@@ -84,7 +84,7 @@ class StaticRun:
 
 @dataclass(frozen=True)
 class StaticStates:
-    """Shapes of a beam at rest, and the shear modulus of an elastic fit to them."""
+    """Static shapes of a beam, and the shear modulus of an elastic fit to them."""
 
     # The shapes, in runs of the bench.
     runs: tuple[StaticRun, ...]
@@ -108,7 +108,7 @@ def identify_time(
     free_times: bool = True,
     most_terms: int = _MOST_TERMS,
 ) -> LawOfTime:
-    """Identify a shear modulus and a Prony series from free vibrations, creep and shapes at rest.
+    """Identify a shear modulus and a Prony series from free vibrations, creep and static shapes.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def identify_time(
     stated : sequence of StatedSource
         Inputs with their standard uncertainties, such as the width.
     static : StaticStates, optional
-        Shapes of the specimen at rest under constant loads.
+        Static shapes of the specimen under constant loads.
     seed : int
         Seed of the random numbers.
     free_times : bool
@@ -232,9 +232,15 @@ def _doubts_of_section(table: RingTable) -> list[str]:
     ]
 
 
-def _same(one: Loads, other: Loads) -> bool:
-    """Return whether two loads have equal magnetic fields and forces at the tip."""
-    return bool(np.allclose(one.field_T, other.field_T) and np.allclose(one.tip_force_N, other.tip_force_N))
+def _same(one: object, other: object) -> bool:
+    """Return whether two loads, or parts of them, are equal except for rounding."""
+    if isinstance(one, tuple) and isinstance(other, tuple):
+        return len(one) == len(other) and all(map(_same, one, other))
+    if is_dataclass(one) and type(one) is type(other):
+        return all(_same(getattr(one, part.name), getattr(other, part.name)) for part in fields(one))
+    if isinstance(one, int | float | np.ndarray) and isinstance(other, int | float | np.ndarray):
+        return bool(np.allclose(one, other))
+    return one == other
 
 
 def _analysed(

@@ -1,4 +1,4 @@
-"""Single steps of the analysis of motions: frames before a step, the search for a modulus, few lines of a spectrum."""
+"""Functions that fit a viscoelastic law to recorded motions give the expected results for simple data."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from eimi_fitting import LAWS, Loads, Specimen
+from eimi_fitting.beam.coil_field import CoilShape, FieldTable
+from eimi_fitting.beam.kinds_of_load import UniformField
 from eimi_fitting.laws.prony import Prony
 from eimi_fitting.time import channels, identification, law_of_time
 from eimi_fitting.time import decay as decays
@@ -149,6 +151,27 @@ def test_groups_of_windows_begin_anew_where_the_vibration_has_changed() -> None:
     assert material_windows((*other, *alike), False) == slice(0, 2)
     assert material_windows((*alike, *other, *alike), False) == slice(3, 5)
     assert material_windows(tuple(alike), False) == slice(0, 3)
+
+
+def test_loads_are_equal_if_all_their_parts_are() -> None:
+    field = np.array([[0.0, 0.001]])
+    grid = np.linspace(-60.0, 60.0, 5)
+
+    def loads(pressure_Pa: float = 0.0, background_T: float = 1e-5, gradient: float = 0.5, turn: float = 1.0) -> Loads:
+        table = FieldTable(grid, grid, turn * np.ones((5, 5)))
+        shape = CoilShape((0.0, 1.0), (gradient, 0.0), table)
+        background = UniformField(np.array([[background_T, 0.0]]))
+        return replace(Loads.along([1.0], pressure_Pa=pressure_Pa), coil=shape).plus(background)
+
+    assert identification._same(loads(), loads())
+    assert identification._same(loads(), loads(background_T=1e-5 * (1 + 1e-9)))
+    changed = [loads(pressure_Pa=10.0), loads(background_T=3e-5), loads(gradient=0.6), loads(turn=1.1)]
+    changed += [replace(loads(), coil=None), replace(loads(), others=()), Loads.along([1.0])]
+    changed += [replace(loads(), gravity=np.zeros((1, 2))), replace(loads(), field_T=2 * field)]
+    changed += [loads().plus(UniformField(field))]
+    for other in changed:
+        assert not identification._same(loads(), other)
+        assert not identification._same(other, loads())
 
 
 def test_a_table_is_used_again_for_equal_loads_and_equal_weights(monkeypatch: pytest.MonkeyPatch) -> None:
