@@ -147,7 +147,8 @@ def dry_run(
         say(f"interlock: {interlock.in_words}")
     cycles = protocol.conditioning.cycles if protocol.conditioning else 0
     if protocol.conditioning:
-        say(f"conditioning: {cycles} cycles to {protocol.conditioning.current_A:g} A and back to 0")
+        repeated = "1 cycle" if cycles == 1 else f"{cycles} cycles"
+        say(f"conditioning: {repeated} to {protocol.conditioning.current_A:g} A and back to 0")
     for index, current in enumerate(currents):
         between = FIRST_STATES <= index < len(currents) - LAST_STATES
         if say_detail and index == FIRST_STATES and between:

@@ -143,7 +143,8 @@ def _(event: OutputSwitched) -> str:
 
 @in_words.register
 def _(event: ConditioningDone) -> str:
-    return f"after {event.cycles} conditioning cycles: {'; '.join(map(_change, event.changes))}"
+    cycles = "1 conditioning cycle" if event.cycles == 1 else f"{event.cycles} conditioning cycles"
+    return f"after {cycles}: {'; '.join(map(_change, event.changes))}"
 
 
 def _change(change: ShapeChange) -> str:

@@ -205,6 +205,7 @@ def test_a_run_that_stands_still_is_described_with_the_time_that_counts() -> Non
 )
 def test_a_change_of_shape_has_these_words(change: ShapeChange, words: str) -> None:
     assert in_words(ConditioningDone(cycles=3, changes=(change,))) == f"after 3 conditioning cycles: {words}"
+    assert in_words(ConditioningDone(cycles=1, changes=(change,))) == f"after 1 conditioning cycle: {words}"
 
 
 def test_the_protection_of_a_coil_is_described_with_its_interlocks() -> None:
