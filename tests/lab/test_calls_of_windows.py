@@ -17,6 +17,8 @@ from typing import Any
 
 import pytest
 
+from tests.shared.changed_module import changed_module
+
 HANDLE = 0x1_0000_0010
 """A handle of 64 bits. A function whose result is declared as a C int returns only its lower 32 bits."""
 
@@ -177,8 +179,6 @@ def test_a_pipe_is_looked_at_until_data_come_or_the_other_end_is_closed(
     on_windows: Load, kernel: Kernel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     clock = {"s": 0.0, "waiting": 0, "open": 1}
-    monkeypatch.setattr(time, "monotonic", lambda: clock["s"])
-    monkeypatch.setattr(time, "sleep", lambda seconds: clock.update(s=clock["s"] + seconds))
 
     def peek(pipe: Any, buffer: object, size: int, read: object, waiting: Any, left: object) -> int:
         assert (buffer, size, read, left) == (None, 0, None, None)
@@ -187,6 +187,8 @@ def test_a_pipe_is_looked_at_until_data_come_or_the_other_end_is_closed(
 
     kernel.does["PeekNamedPipe"] = peek
     module = on_windows("eimi_lab.process.pipes")
+    times = {"monotonic": lambda: clock["s"], "sleep": lambda seconds: clock.update(s=clock["s"] + seconds)}
+    monkeypatch.setattr(module, "time", changed_module(time, **times))
     assert module.readable(3, 0.0) is False
     assert clock["s"] == 0.0
     assert not module.readable(3, 0.1)
@@ -262,9 +264,9 @@ def test_a_handler_of_the_console_is_added_and_acts(
 ) -> None:
     # SetConsoleCtrlHandler adds a handler if its second argument is 1. The handler must stay alive.
     slept_s: list[float] = []
-    monkeypatch.setattr(time, "sleep", slept_s.append)
     acted: list[str] = []
     module = on_windows("eimi_lab.process.console")
+    monkeypatch.setattr(module, "time", changed_module(time, sleep=slept_s.append))
     module.when_closed(lambda: acted.append("acts"))
     ((handler, add),) = kernel.of("SetConsoleCtrlHandler")
     assert add == 1
@@ -336,7 +338,8 @@ def test_closing_the_console_interrupts_and_then_terminates(on_windows: Load, mo
     module = on_windows("eimi_lab.process.stopping")
     monkeypatch.setattr(module, "TERMINATION", (15, 21))
     monkeypatch.setattr(module, "signal_main_thread", done.append)
-    monkeypatch.setattr(time, "sleep", lambda seconds: done.append(f"waits {seconds} s"))
+    waits = changed_module(time, sleep=lambda seconds: done.append(f"waits {seconds} s"))
+    monkeypatch.setattr(module, "time", waits)
     module._leave_the_console()
     assert [done[0], done[2]] == [21, 15]
     assert 0.0 < float(str(done[1]).split()[1]) < 5.0

@@ -28,12 +28,14 @@ from typing import Any
 import pytest
 
 from eimi_lab.process import awake, console, detached, garbage, log, pipes, scope, stderr, stopping, threads, workers
+from eimi_lab.process import progress as progress_module
 from eimi_lab.process.errors import InputError, OwnFault, tell
 from eimi_lab.process.progress import Report, progress, unseen
 from eimi_lab.process.stderr import NeverBlocking, WrittenByThread
 from eimi_lab.process.stopping import Stopped
 from eimi_lab.process.workers import completed, executor_for
 from tests.patience import PATIENCE_S
+from tests.shared.changed_module import changed_module
 from tests.shared.processes import wait_until
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="needs the signals and pipes of POSIX")
@@ -416,7 +418,7 @@ def test_the_last_line_of_progress_has_no_estimate(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     now = iter([5.0, 7.0, 11.0])
-    monkeypatch.setattr(time, "monotonic", lambda: next(now))
+    monkeypatch.setattr(progress_module, "time", changed_module(time, monotonic=lambda: next(now)))
     with progress("fit", 3) as report:
         for words in ("a", "b", "c"):
             report(words)
@@ -586,7 +588,7 @@ def test_the_priority_of_a_session_is_tried_five_times(
         accepted.append(text)
 
     monkeypatch.setattr(detached, "Path", lambda name: SimpleNamespace(write_text=write))
-    monkeypatch.setattr(time, "sleep", slept.append)
+    monkeypatch.setattr(detached, "time", changed_module(time, sleep=slept.append))
     monkeypatch.setattr(os, "nice", lambda steps: 3 + steps)
     monkeypatch.setattr(os, "getsid", lambda number: 44)
     monkeypatch.setattr(os, "getpid", lambda: 44)
@@ -799,8 +801,8 @@ def test_a_stream_that_nobody_reads_is_given_up_after_two_seconds(monkeypatch: p
     stream = NeverBlocking(writes)
     now = {"s": 0.0}
     monkeypatch.setattr(stderr.select, "select", lambda *given: ([], [], []))
-    monkeypatch.setattr(stderr.time, "monotonic", lambda: now["s"])
-    monkeypatch.setattr(stderr.time, "sleep", lambda seconds: now.update(s=now["s"] + seconds))
+    advance = changed_module(time, monotonic=lambda: now["s"], sleep=lambda seconds: now.update(s=now["s"] + seconds))
+    monkeypatch.setattr(stderr, "time", advance)
     stream.write("waits\n")
     descriptor = stream._descriptor
     stream.finish()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shlex
 import sys
+import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -16,6 +17,7 @@ from eimi_lab import cli
 from eimi_lab.commands.examples import EXAMPLES
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.process.progress import progress, unseen
+from tests.shared.changed_module import changed_module
 
 Eimi = Callable[..., tuple[int, str, str]]
 
@@ -90,7 +92,8 @@ def test_the_estimated_time_counts_the_steps_only(
 ) -> None:
     # The time before the first step, such as the conditioning of a beam (bending it before the run), does not count.
     now = iter([1000.0, 1010.0, 1020.0, 1030.0])
-    monkeypatch.setattr("eimi_lab.process.progress.time.monotonic", lambda: next(now))
+    times = changed_module(time, monotonic=lambda: next(now))
+    monkeypatch.setattr("eimi_lab.process.progress.time", times)
     with progress("acquire", 4) as report:
         for _ in range(4):
             report("done")

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import errno
+import time
 from pathlib import Path
 
 import pytest
 
 from eimi_lab.process import console, replacing
 from eimi_lab.process.paths import reachable, with_prefix
+from tests.shared.changed_module import changed_module
 
 DEEP = "\\folder" * 40
 
@@ -47,7 +49,8 @@ def test_the_events_that_end_a_process_of_windows_are_handled(
 ) -> None:
     # Event 0 is Ctrl-C, 1 Ctrl-Break, 2 closing, 5 log-off and 6 shutdown; 3 is reserved.
     done: list[str] = []
-    monkeypatch.setattr(console.time, "sleep", lambda seconds: done.append(f"waits {seconds:g} s"))
+    waits = changed_module(time, sleep=lambda seconds: done.append(f"waits {seconds:g} s"))
+    monkeypatch.setattr(console, "time", waits)
     assert console.handled(event, lambda: done.append("acts")) == int(acts)
     assert done == (["acts", f"waits {console.HELD_S:g} s"] if acts else [])
 

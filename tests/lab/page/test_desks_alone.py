@@ -6,6 +6,7 @@ import asyncio
 import json
 import os
 import signal
+import time
 from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -50,6 +51,7 @@ from eimi_lab.page.report_links import ReportLinks
 from eimi_lab.page.worker import Worker
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.stopping import Stopped
+from tests.shared.changed_module import changed_module
 
 
 def run(work: Awaitable[Any]) -> Any:
@@ -418,7 +420,7 @@ def starting(monkeypatch: pytest.MonkeyPatch, module: Any, process: Any) -> list
         started.append((list(arguments), how))
         return process
 
-    monkeypatch.setattr(module.asyncio, "create_subprocess_exec", start)
+    monkeypatch.setattr(module, "asyncio", changed_module(asyncio, create_subprocess_exec=start))
     return started
 
 
@@ -479,7 +481,7 @@ def test_two_processes_read_the_frames_of_a_run(monkeypatch: pytest.MonkeyPatch)
             started.append((list(arguments), how))
             return queue.pop(0)
 
-        monkeypatch.setattr(opened_eyes.asyncio, "create_subprocess_exec", start)
+        monkeypatch.setattr(opened_eyes, "asyncio", changed_module(asyncio, create_subprocess_exec=start))
         eyes = OpenedEyes(7, lambda about, picture: seen.append((about, picture)))
         memory, bell = os.pipe()
         await eyes.open(memory, bell, "rig", "specimen")
@@ -591,7 +593,7 @@ def test_the_camera_alone_writes_its_frames(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr(camera_alone, "load_specimen", lambda name: f"beam {name}")
     monkeypatch.setattr(camera_alone, "_opened", lambda rig, beam: nullcontext(camera))
     monkeypatch.setattr(camera_alone, "readable", lambda descriptor, seconds: left.pop(0))
-    monkeypatch.setattr(camera_alone.time, "monotonic", lambda: next(times))
+    monkeypatch.setattr(camera_alone, "time", changed_module(time, monotonic=lambda: next(times)))
     monkeypatch.setattr(camera_alone.sys, "stdin", SimpleNamespace(fileno=lambda: 0))
     camera_alone.show(3, bell, "r", "s")
     usual = {"state": None, "set_A": 0.0, "measured_A": 0.0, "on": False, "heat_share": None, "number": 5.0}
@@ -603,8 +605,6 @@ def test_the_camera_alone_writes_its_frames(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_a_camera_is_opened_alone_and_closed(monkeypatch: pytest.MonkeyPatch) -> None:
-    import time
-
     closed: list[str] = []
     virtual = [SimpleNamespace(close=lambda name=name: closed.append(name)) for name in ("supply", "camera")]
     monkeypatch.setattr("eimi_lab.virtual.virtual_rig.open_virtual_rig", lambda rig, beam: (*virtual, None, None))
@@ -699,7 +699,7 @@ def test_a_fit_is_followed_by_its_report(
             started.append(list(arguments))
             return processes[len(started) - 1]
 
-        monkeypatch.setattr(fit_desk.asyncio, "create_subprocess_exec", start)
+        monkeypatch.setattr(fit_desk, "asyncio", changed_module(asyncio, create_subprocess_exec=start))
         fitting = Fitting(1, "run.h5", "yeoh", ("width",))
         log = folder.root / "run.fits.log"
         log.write_text("old")
@@ -762,7 +762,7 @@ def test_the_progress_of_a_search_is_read_from_its_log(folder: DataFolder, monke
                 raise asyncio.CancelledError
             steps.pop(0)()
 
-        monkeypatch.setattr(fit_desk.asyncio, "sleep", sleep)
+        monkeypatch.setattr(fit_desk, "asyncio", changed_module(asyncio, sleep=sleep))
         with pytest.raises(asyncio.CancelledError):
             await desk._follow(log, fitting)
         assert found == [(0, 0), (0, 0), (1, 1), (2, 2), (3, 3), (3, 3)]
@@ -861,7 +861,7 @@ def test_a_worker_that_crashes_or_is_too_slow_is_ended(monkeypatch: pytest.Monke
 
         monkeypatch.setattr(worker, "ProcessPoolExecutor", Pool)
         monkeypatch.setattr(worker, "start_resource_tracker", lambda: made.append("tracker"))
-        monkeypatch.setattr(worker.asyncio, "wrap_future", lambda future: future)
+        monkeypatch.setattr(worker, "asyncio", changed_module(asyncio, wrap_future=lambda future: future))
         monkeypatch.setattr(worker, "LONGEST_S", 0.01)
         one = Worker()
         one.close()
