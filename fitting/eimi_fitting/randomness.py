@@ -46,7 +46,7 @@ class Randomness:
 
     @property
     def decided(self) -> bool:
-        """Whether there are at least 10 pairs of neighbouring points, enough for both tests."""
+        """Whether there are at least 10 pairs of neighbouring residuals, enough to test for randomness."""
         return self.pairs >= _FEWEST
 
     @property

@@ -64,14 +64,14 @@ class Places(Protocol):
     per_specimen: float
 
     def straightened(self, points_mm: Array) -> Array:
-        """Map points of the specimen at rest to the straight reference beam."""
+        """Map points of the unloaded specimen to the straight reference beam."""
 
     def on_magnet(self, points_mm: Array) -> NDArray[np.bool_]:
         """Return whether each point moves rigidly with the magnet."""
         # ``points_mm`` (n, 2): points (x, y) of the straight reference beam.
 
     def through_depth(self, point_mm: Array) -> tuple[Indices, Array]:
-        """Return the nodes that share a force at a point, and their fractions of the force."""
+        """Distribute a point force through the depth; return the nodes and the fraction of the force on each."""
         # The force is spread over m elements of n nodes through the depth: (m, n) each. ``point_mm``: the point (x, y)
         # in the straight reference beam.
 
@@ -134,7 +134,7 @@ class LoadedMesh:
             self.magnet_dipole = _turned(moment * np.array(magnet.direction), grid.turn_rad)
 
     def at_rest(self, straight_mm: Array) -> Array:
-        """Map a point (x, y) of the straight reference beam to the specimen at rest."""
+        """Map a point (x, y) of the straight reference beam to the unloaded specimen."""
         return self._grid.strip.at_rest(straight_mm[None])[0]
 
     @property

@@ -309,7 +309,7 @@ def _bent_candidate(chosen: Candidates, flat: Shapes) -> BentCandidate:
 
 
 def _effect_of_equal(candidate: BentCandidate, options: SolidOptions) -> DepthEffect | None:
-    """Return the difference between solid and planar model that is known from an equal law, or None."""
+    # Return the known depth effect of a candidate that `is_alike`, or None.
     for effect in options.similar:
         if effect.candidate and effect.candidate.is_alike(candidate, options.accuracy_mm):
             return effect
@@ -317,7 +317,7 @@ def _effect_of_equal(candidate: BentCandidate, options: SolidOptions) -> DepthEf
 
 
 def _most_suitable(places: Array, by_turn: bool, similar: tuple[DepthEffect, ...]) -> DepthEffect | None:
-    """Choose the known difference between solid and planar model with the most similar largest load, or None."""
+    # Of the depth effects that reach all load states, return the one whose largest rotation (or load) is nearest.
     # ``places`` (K,): rotation of the tip in rad if ``by_turn``, else load from 0 to 1, in each load state.
     near = [e.without_base for e in similar if e.by_turn == by_turn and e.covers(places)]
     farthest = np.abs(places).max()

@@ -123,8 +123,7 @@ class CoilShape:
     curvature_per_m2: float = 0.0
 
     def ratio(self, points_mm: Array, rest_mm: Array) -> tuple[Complex, Complex, Complex]:
-        """Return the field at several points, divided by the field at a reference point, and its derivatives."""
-        # The field (x, y) is a complex number x + i y.
+        """Return q = B(points) / B(rest), where B = B_x + i B_y, and the first and second derivatives of q by x, y."""
         # ``points_mm`` (B, 2), ``rest_mm`` (2,): the points and the reference point (x, y). The result: the ratio (B,),
         # its first derivatives (B, 2) in 1/mm, and its second derivatives (B, 2, 2) in 1/mm².
         values = np.zeros((6, len(points_mm)), complex)
@@ -139,7 +138,7 @@ class CoilShape:
         return values[0], values[1:3].T, np.moveaxis(values[_SYMMETRIC], -1, 0)
 
     def _curved(self, from_rest_mm: Array) -> Complex:
-        """Return the quadratic part of the relative field and its derivatives."""
+        # Return the part of `ratio` that ``curvature_per_m2`` adds, and its derivatives by x, y, xx, xy and yy.
         # The real part is the component along the axis of the coil, and the imaginary part that across the axis.
         # At s along the axis and t across it, the curvature c adds c (s^2 - t^2 / 2) along the axis and -c s t across
         # it.
@@ -158,7 +157,7 @@ class CoilShape:
 
     @property
     def _slope(self) -> Complex:
-        """The derivatives of the relative field by x and y that ``gradient_per_m`` adds, in 1/mm."""
+        # The derivatives by x and y that ``gradient_per_m`` adds to those of `ratio`, in 1/mm.
         along, across = np.array(self.axis), np.array([-self.axis[1], self.axis[0]])
         h, g = 1e-3 * np.array(self.gradient_per_m) @ np.stack([along, across], axis=1)
         # h and g are the derivatives of the component along the axis, along and across it. The field has no curl and no

@@ -60,68 +60,68 @@ class DepthEffect:
     # The candidate law.
     candidate: BentCandidate | None = None
 
-    def at(self, place: float) -> Configuration:
-        """Interpolate the difference between the solid and the planar model in one load state."""
-        # ``place``: s, the rotation of the tip in rad if ``by_turn``, else the load from 0 to 1.
-        weights = self._weights(place)
+    def at(self, load_or_rotation: float) -> Configuration:
+        """Interpolate the difference between solid and planar model at a given load or rotation of the tip."""
+        # ``load_or_rotation``: s, the rotation of the tip in rad if ``by_turn``, else the load from 0 to 1.
+        weights = self._weights(load_or_rotation)
         if self.base is None:
             return combine(weights, self.differences)
-        return combine([1.0, *weights], [self.base.at(place), *self._from_base])
+        return combine([1.0, *weights], [self.base.at(load_or_rotation), *self._from_base])
 
-    def displacements(self, places: Array) -> tuple[Array, Array]:
-        """Interpolate the differences between solid and planar displacements in several load states."""
-        # ``places`` (K,): values of s. The results: (K, N, 3) for N nodes in mm, and (K, 3) for the magnet's
-        # translation in mm and rotation in rad.
+    def displacements(self, loads_or_rotations: Array) -> tuple[Array, Array]:
+        """Interpolate the difference between solid and planar displacements at several loads or tip rotations."""
+        # ``loads_or_rotations`` (K,): values of s. The results: (K, N, 3) for N nodes in mm, and (K, 3) for the
+        # magnet's translation in mm and rotation in rad.
         configurations = self.differences if self.base is None else self._from_base
         if not configurations:
             assert self.base
-            return self.base.displacements(places)
-        weights = np.array([self._weights(float(place)) for place in places])
+            return self.base.displacements(loads_or_rotations)
+        weights = np.array([self._weights(float(s)) for s in loads_or_rotations])
         nodal, rigid = ([getattr(c, name)[0] for c in configurations] for name in ("displacement", "rigid"))
         displacement, turned = np.tensordot(weights, nodal, 1), weights @ np.array(rigid)
         if self.base is None:
             return displacement, turned
-        base_displacement, base_rigid = self.base.displacements(places)
+        base_displacement, base_rigid = self.base.displacements(loads_or_rotations)
         return base_displacement + displacement, base_rigid + turned
 
-    def _weights(self, place: float) -> list[float]:
-        """Return the weights of Lagrange's interpolation for one load state."""
+    def _weights(self, load_or_rotation: float) -> list[float]:
+        # The weights w_i(s) of Lagrange's interpolation.
         nodes = (*self.places, *self.places_of_base)
-        return [prod((place - s) / (t - s) for s in nodes if s != t) for t in self.places]
+        return [prod((load_or_rotation - s) / (t - s) for s in nodes if s != t) for t in self.places]
 
     @cached_property
     def _from_base(self) -> tuple[Configuration, ...]:
-        """The values that are interpolated: solved differences, minus those of a similar law."""
+        # The values d_i - b(s_i) that are interpolated.
         assert self.base
         pairs = zip(self.places, self.differences, strict=True)
         return tuple(combine([1.0, -1.0], [difference, self.base.at(place)]) for place, difference in pairs)
 
     @property
     def places_of_base(self) -> tuple[float, ...]:
-        """The rotations of the tip that are taken from a similar law: 0, or none."""
+        """The tip rotation 0 if the difference there is that of a similar law, else empty."""
         return (0.0,) if self.base and self.by_turn else ()
 
     @cached_property
     def without_base(self) -> DepthEffect:
-        """The interpolation as a single polynomial."""
+        """An approximation of this interpolation by a single polynomial, which needs no similar law."""
         if self.base is None or not self.places:
             return self.base or self
         scale = self.places[0] / self.base.places[0] if self.by_turn else 1.0
         places = tuple(scale * place for place in self.base.places)
         return DepthEffect(places, tuple(self.at(place) for place in places), self.by_turn)
 
-    def covers(self, places: Array) -> bool:
-        """Return whether the solved load states are enough to interpolate in all given load states."""
-        return bool(self.without_base.reaches(places).all())
+    def covers(self, loads_or_rotations: Array) -> bool:
+        """Return whether all given loads or tip rotations lie in the solved range, or at most 10 % outside."""
+        return bool(self.without_base.reaches(loads_or_rotations).all())
 
-    def reaches(self, places: Array) -> NDArray[np.bool_]:
-        """Return whether each load state lies in the range of the solved states, or at most 10 % outside."""
+    def reaches(self, loads_or_rotations: Array) -> NDArray[np.bool_]:
+        """Return whether each load or tip rotation lies in the solved range, or at most 10 % outside."""
         solved = (*self.places, *self.places_of_base)
         beyond = _EXTRAPOLATED * np.ptp(solved)
-        return np.asarray((min(solved) - beyond <= places) & (places <= max(solved) + beyond))
+        return np.asarray((min(solved) - beyond <= loads_or_rotations) & (loads_or_rotations <= max(solved) + beyond))
 
     def thinned(self, most: int) -> DepthEffect:
-        """Return an interpolation with at most ``most`` load states."""
+        """Return a copy with at most ``most`` data points of the interpolation between load states."""
         chosen = [int(np.argmax(np.abs(self.places)))]
         places = np.array(self.places)
         while len(chosen) < min(most, len(places)):
@@ -130,7 +130,7 @@ class DepthEffect:
             self, places=tuple(places[chosen].tolist()), differences=tuple(self.differences[i] for i in chosen)
         )
 
-    def with_one(self, place: float, difference: Configuration) -> DepthEffect:
-        """Add the result of one more load state to the interpolation."""
-        # ``place``: s. ``difference``: solid minus planar configuration at s.
-        return DepthEffect((*self.places, place), (*self.differences, difference), self.by_turn, self.base)
+    def with_one(self, load_or_rotation: float, difference: Configuration) -> DepthEffect:
+        """Return a copy with one more data point for the interpolation: the difference at a load or tip rotation."""
+        # ``load_or_rotation``: s. ``difference``: solid minus planar configuration at s.
+        return DepthEffect((*self.places, load_or_rotation), (*self.differences, difference), self.by_turn, self.base)

@@ -236,7 +236,7 @@ def stiffness(ops: Operators, ev: Evaluation, predicted: Array) -> Array:
 
 
 def tangents(ops: Operators, ev: Evaluation, predicted: Array) -> Iterator[Array]:
-    """Yield the tangent stiffness of all elements as one array; see `stiffness`."""
+    """Yield one array, the tangent stiffness of all elements with the stress ``predicted`` in its geometric part."""
     yield stiffness(ops, ev, predicted)
 
 
@@ -258,7 +258,7 @@ def volume_coupling(ops: Operators, ev: Evaluation) -> Array:
 
 
 def predict_stress(ops: Operators, ev: Evaluation, step: Array, pressure_step: Array | None) -> Array:
-    """Return the stress in MPa after a linear step."""
+    """Return the second Piola-Kirchhoff stress in MPa after a Newton step, by linearisation."""
     # ``step`` (E, B, 2, 9): changes of the displacements in mm. ``pressure_step`` (E, B, 3): changes of the pressures
     # in MPa. The result is (3, E, B, q) with the components 11, 22, 12.
     (h11, h12), (h21, h22) = gradients(ops, step)

@@ -81,11 +81,11 @@ class Configuration:
     stress: Array
 
     def take(self, rows: Indices) -> Configuration:
-        """Return the configurations of some of the candidate laws only."""
+        """Return the configurations of the beam for some of the candidate laws only."""
         return Configuration(self.displacement[rows], self.rigid[rows], self.pressure[:, rows], self.stress[:, :, rows])
 
     def put(self, rows: Indices, other: Configuration) -> None:
-        """Overwrite the configurations of some of the candidate laws."""
+        """Overwrite the configurations of the beam for some of the candidate laws."""
         self.displacement[rows] = other.displacement
         self.rigid[rows] = other.rigid
         self.pressure[:, rows] = other.pressure
@@ -109,7 +109,7 @@ def combine(weights: Sequence[float], configurations: Sequence[Configuration]) -
 
 
 def joined(parts: Sequence[Configuration]) -> Configuration:
-    """Join the configurations of several groups of candidate laws."""
+    """Concatenate several sets of configurations."""
     return Configuration(
         np.concatenate([part.displacement for part in parts]),
         np.concatenate([part.rigid for part in parts]),
@@ -119,7 +119,7 @@ def joined(parts: Sequence[Configuration]) -> Configuration:
 
 
 def loads_joined(parts: Sequence[SolidLoads]) -> SolidLoads:
-    """Join the loads of several groups of candidate laws."""
+    """Concatenate several sets of loads, so that their equilibria can be computed together."""
     arrays: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in _LOADS}
     joined_loads = SolidLoads(**arrays)
     for name in _IN_COIL:

@@ -45,7 +45,7 @@ def _count(along: int, relative_length: float) -> int:
 
 
 class Grid:
-    """The planar mesh of a specimen, built in a straight reference beam."""
+    """The planar mesh of a specimen, generated for a straight beam and then mapped to the unloaded shape."""
 
     # ``strip``: the map from the reference beam to the specimen at rest.
     # ``straight_mm`` (N, 2): positions (x, y) of the N nodes in the reference beam.

@@ -33,7 +33,7 @@ class InvariantLaw(Protocol):
 
 
 def turned(F: Array, tensor: Array) -> Array:
-    """Multiply a tensor F by a symmetric tensor that is stored as six components."""
+    """Return the matrix product of F and a symmetric tensor, which is given by its six components."""
     # (3, 3, ...) and (6, ...) give (3, 3, ...).
     return np.asarray(sum(F[:, k, None] * tensor[PLACE[k]] for k in range(3)))
 

@@ -180,7 +180,7 @@ class Loads:
         return np.concatenate([actuation.numbers[k] for actuation in self.actuations])
 
     def at_rest(self) -> Array:
-        """Return the components of a state without loads: zeros."""
+        """Return the components of all loads in an unloaded state: a vector of zeros."""
         return np.zeros(sum(actuation.numbers.shape[1] for actuation in self.actuations))
 
     def on(self, mesh: LoadedMesh) -> Callable[[Array, Array], SolidLoads]:

@@ -44,11 +44,11 @@ class ReducedMotion:
         square = squares_by_stiffening(self.material, self.rest, self.mass, np.ones(1), count)[:, 0]
         return np.asarray(np.sqrt(np.maximum(square, 0.0)) / (2 * np.pi))
 
-    def roots(self, ratio: Callable[[ComplexArray], ComplexArray], count: int = 3) -> ComplexArray:
-        """Return the complex rates s of the lowest vibrations exp(s t) of all candidate laws."""
-        # ``ratio``: complex modulus divided by static modulus, as a function of s. The result is (B, count) in 1/s, NaN
-        # for a mode that does not vibrate.
-        return complex_roots(self.material, self.rest, self.mass, ratio, count)
+    def roots(self, modulus_ratio: Callable[[ComplexArray], ComplexArray], count: int = 3) -> ComplexArray:
+        """Return the complex rates s of the lowest damped vibrations exp(s t) of all candidate laws."""
+        # ``modulus_ratio``: complex modulus divided by static modulus, as a function of s. The result is (B, count) in
+        # 1/s, NaN for a mode that does not vibrate.
+        return complex_roots(self.material, self.rest, self.mass, modulus_ratio, count)
 
     def take(self, rows: NDArray[np.intp]) -> ReducedMotion:
         """Return the matrices of some of the candidate laws only."""
@@ -59,44 +59,43 @@ class ReducedMotion:
 
 
 def complex_roots(
-    material: Array, rest: Array, mass: Array, ratio: Callable[[ComplexArray], ComplexArray], count: int = 3
+    material: Array, rest: Array, mass: Array, modulus_ratio: Callable[[ComplexArray], ComplexArray], count: int = 3
 ) -> ComplexArray:
-    """Compute the complex rates of damped vibrations from stiffness, mass and the complex modulus."""
+    """Compute the complex rates of damped vibrations from stiffness matrices, mass matrix and complex modulus."""
     # The rates s solve det(r(s) K_m + K_g + s² M) = 0.
     # ``material``, ``rest``, ``mass`` (B, m, m): K_m, K_g and M of B candidate laws: the stiffness due to the tangent
     # of the law, the stiffness due to stresses and loads, and the mass.
-    # ``ratio``: the function r(s): the complex modulus divided by the static modulus.
+    # ``modulus_ratio``: the function r(s): the complex modulus divided by the static modulus.
     # ``count``: number of modes; at most m are returned.
     # The result (B, count): the rates in 1/s; NaN for a mode that does not vibrate.
     count = min(count, material.shape[-1])
     of_material, of_rest = (part[:, None] for part in _in_unit_mass(material, rest, mass))
     modes = np.arange(count)
 
-    def squares(stiffening: ComplexArray) -> ComplexArray:
+    def squared_frequencies(stiffening: ComplexArray) -> ComplexArray:
         values = np.linalg.eigvals(stiffening[..., None, None] * of_material + of_rest)
         return np.asarray(np.sort_complex(values)[:, modes, modes])
 
-    return fixed_point(squares, ratio, (len(material), count))
+    return fixed_point(squared_frequencies, modulus_ratio, (len(material), count))
 
 
 def fixed_point(
-    squares: Callable[[ComplexArray], ComplexArray],
-    ratio: Callable[[ComplexArray], ComplexArray],
+    squared_frequencies: Callable[[ComplexArray], ComplexArray],
+    modulus_ratio: Callable[[ComplexArray], ComplexArray],
     size: tuple[int, int],
 ) -> ComplexArray:
-    """Compute the complex rates of a beam's damped vibrations from its undamped frequencies."""
-    # The rates s solve s² = -lambda(r(s)).
-    # ``squares``: the function lambda(r): squared angular frequencies without damping for r times the static modulus,
-    # (B, count).
-    # ``ratio``: the function r(s): the complex modulus divided by the static modulus.
+    """Solve s² = -squared_frequencies(modulus_ratio(s)) for the complex rates s of damped vibrations exp(s t)."""
+    # ``squared_frequencies``: function of a ratio r: squared angular frequencies without damping for r times the static
+    # modulus, (B, count).
+    # ``modulus_ratio``: function of s: the complex modulus divided by the static modulus.
     # ``size``: the number B of candidate laws, and the number of modes (count).
     # The result (B, count): the rates in 1/s; NaN if the iteration does not converge, or if the mode does not vibrate.
 
     def next_root(s: ComplexArray) -> ComplexArray:
-        return np.asarray(1j * np.sqrt(squares(ratio(s))))
+        return np.asarray(1j * np.sqrt(squared_frequencies(modulus_ratio(s))))
 
     with np.errstate(all="ignore"):
-        s: ComplexArray = 1j * np.sqrt(squares(np.ones(size, complex)))
+        s: ComplexArray = 1j * np.sqrt(squared_frequencies(np.ones(size, complex)))
         for _ in range(_ROOT_STEPS):
             first = next_root(s)
             second = next_root(first)

@@ -97,7 +97,7 @@ class Candidates:
     sound: NDArray[np.bool_]
 
     def take(self, rows: Indices) -> tuple[Batch, Array]:
-        """Return some of the candidate laws, and the factors on their magnetic loads."""
+        """Return some of the candidate laws, and the factors by which their magnetic loads are multiplied."""
         batch = self.batch
         part = Batch(batch.law, batch.parameters[rows], batch.section, batch.bulk[rows])
         return part, np.ones(1) if self.field_factor is None else self.field_factor[rows]
@@ -155,7 +155,7 @@ def follow(
     keep: bool = False,
     beside: Configuration | None = None,
 ) -> Shapes:
-    """Solve the load states of all candidate laws one after another."""
+    """Solve one load state after another, for all candidate laws together."""
     # ``keep``: whether to store the configurations of the first candidate (``Shapes.every``). ``beside``: for one
     # candidate, configurations of a similar beam model, one row for each state, near which Newton's method begins.
     p, k_states = len(chosen.sound), len(loads)

@@ -49,17 +49,17 @@ def with_modes(
     return replace(specimen, rest_shape=more)
 
 
-def _added(rows: Rows, share: float, mode: Callable[[Array], Array], before: Callable[[Array], Array]) -> Rows:
-    """Add a smooth deviation to the table of a rest shape."""
+def _added(rows: Rows, share: float, mode: Callable[[Array], Array], value_at: Callable[[Array], Array]) -> Rows:
+    # Add a mode to the rows of a table of the rest shape.
     # ``rows``: the table, with a fraction of the beam's length and a value in each row. ``share``: length of the
-    # flexible part divided by the length of the beam. ``before``: function that gives the value of the table at any
+    # flexible part divided by the length of the beam. ``value_at``: function that gives the value of the table at any
     # fraction.
     if rows:
         at, values = np.array(rows).T
         if len(at) < _STATIONS:
             inner = np.linspace(0, 1, _STATIONS)
             far = np.abs(inner[:, None] - at).min(axis=1) > 0.25 / _STATIONS
-            at, values = np.concatenate([at, inner[far]]), np.concatenate([values, before(inner[far])])
+            at, values = np.concatenate([at, inner[far]]), np.concatenate([values, value_at(inner[far])])
             order = np.argsort(at, kind="stable")
             at, values = at[order], values[order]
     else:
@@ -76,9 +76,8 @@ def bend_offset(bends_mm: Sequence[float] | Array, along: Array) -> Array:
 
 
 def _turn(i: int, x: Array, integrals: int = 0) -> Array:
-    """Return the angle or the offset of the centre line in one bending mode."""
-    # ``integrals``: 0 for the angle, 1 for the offset, of which the largest is 1. ``x``: arc length. Arc length and
-    # offset are divided by the length of the flexible part.
+    # The angle (``integrals`` 0) or the offset (1) of the centre line in bending mode ``i``. The largest offset is 1.
+    # ``x``: arc length. Arc length and offset are divided by the length of the flexible part.
     turn = Legendre.basis(i, domain=[0.0, 1.0]).integ(lbnd=0.0)
     offset = turn.integ(lbnd=0.0)
     return np.asarray((offset if integrals else turn)(x) / np.abs(offset(np.linspace(0, 1, 101))).max())

@@ -53,7 +53,7 @@ class RigidBody:
         return tie
 
     def stiffness_of_turning(self, force: Array, rigid: Array) -> Array:
-        """Return the rotational stiffness of the magnet due to the forces on its nodes."""
+        """Return the geometric stiffness of the magnet's rotation, from the element forces and its motion ``rigid``."""
         # ``force`` (E, B, u): of the elements. The result is (B,) in N mm.
         c, s = np.cos(rigid[:, 2])[:, None], np.sin(rigid[:, 2])[:, None]
         bending = self._sine * c - self._cosine * s  # second derivative of the tied displacements by the rotation

@@ -1,4 +1,4 @@
-"""The solid mesh of a specimen: the lines of the planar mesh, and elements over half of the depth, z > 0."""
+"""The solid mesh of half of a specimen (z > 0): the planar mesh, extruded through the depth."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def _depth_lines(specimen: Specimen, magnet_depth: float, more: int) -> Array:
 
 
 class SolidGrid:
-    """The solid mesh of half of a specimen (z > 0), built in a straight reference beam."""
+    """The solid mesh of half of a specimen (z > 0), mapped from the mesh of a straight beam."""
 
     # ``flat``: the planar mesh of the specimen.
     # ``strip``: the map from the reference beam to the specimen at rest.
@@ -74,7 +74,7 @@ class SolidGrid:
         self.mesh: Bricks = replace(mesh, elements=mesh.elements[~inside.ravel()])
 
     def straightened(self, points_mm: Array) -> Array:
-        """Map points of the specimen at rest to the straight reference beam."""
+        """Map points of the unloaded specimen to the straight reference beam."""
         points = np.atleast_2d(np.asarray(points_mm, float))
         flat = self.flat.straightened(points[:, :2])
         if points.shape[1] == 2:
@@ -117,7 +117,7 @@ class SolidGrid:
         return self._all[(cells[0] * n + cells[1]) * k + cells[2]], shape_functions(*local)[0]
 
     def through_depth(self, point_mm: Array) -> tuple[Indices, Array]:
-        """Return the nodes that share a force at a point, and their fractions of the force."""
+        """Distribute a point force through the depth; return the nodes and the fraction of the force on each."""
         # The force is spread over m points through the depth: (m, 27) each. ``point_mm``: the point (x, y) in the
         # straight reference beam.
         ends, half = self.z_mm, np.diff(self.z_mm) / 2

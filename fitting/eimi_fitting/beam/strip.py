@@ -101,7 +101,7 @@ class Strip:
         )
 
     def at_rest(self, straight_mm: Array) -> Array:
-        """Map points (x, y) of the straight reference beam to the specimen at rest."""
+        """Map points (x, y) of the straight reference beam to the unloaded specimen."""
         points = np.asarray(straight_mm, float)
         if self.is_straight:
             return points
@@ -113,7 +113,7 @@ class Strip:
         return np.asarray(self._centre(s) + across[:, None] * np.stack([-np.sin(angle), np.cos(angle)], axis=1))
 
     def straightened(self, places_mm: Array) -> Array:
-        """Map points (x, y) of the specimen at rest to the straight reference beam."""
+        """Map points (x, y) of the unloaded specimen to the straight reference beam."""
         places = np.asarray(places_mm, float)
         if self.is_straight:
             return places
@@ -151,25 +151,25 @@ class Strip:
         inner = core * ends / (0.5 * size_mm(np.clip(s, self._near, self._far)))
         return np.array([[core], [half]]), np.stack([inner, ends])
 
-    def z_at_rest_mm(self, s: Array, z: Array) -> Array:
-        """Convert z coordinates of the straight reference beam to those of the specimen at rest."""
-        # ``s`` (n,): arc lengths from the clamp in mm.
-        return _rescaled(z, *self._lines_in_depth(s)) if self._depths else z
+    def z_at_rest_mm(self, along_mm: Array, z_mm: Array) -> Array:
+        """Map z from a straight beam of constant depth to the unloaded specimen, whose depth may vary."""
+        # ``along_mm`` (n,): arc lengths from the clamp.
+        return _rescaled(z_mm, *self._lines_in_depth(along_mm)) if self._depths else z_mm
 
-    def straight_z_mm(self, s: Array, z: Array) -> Array:
-        """Convert z coordinates of the specimen at rest to those of the straight reference beam."""
-        # ``s`` (n,): arc lengths from the clamp in mm.
-        return _rescaled(z, *self._lines_in_depth(s)[::-1]) if self._depths else z
+    def straight_z_mm(self, along_mm: Array, z_mm: Array) -> Array:
+        """Map z from the unloaded specimen, whose depth may vary, to a straight beam of constant depth."""
+        # ``along_mm`` (n,): arc lengths from the clamp.
+        return _rescaled(z_mm, *self._lines_in_depth(along_mm)[::-1]) if self._depths else z_mm
 
     def _lines_in_depth(self, s: Array) -> tuple[Array, Array]:
         magnet = self.straight.magnet
         core = 0.5 * magnet.depth_mm if magnet else 0.0
         return self._lines(s, self.depth_mm, 0.5 * self.straight.depth_mm, core)
 
-    def thickness(self, s: Array) -> Array | None:
-        """Return the relative depth of the beam at arc lengths from the clamp."""
+    def thickness(self, along_mm: Array) -> Array | None:
+        """Return the depth at arc lengths from the clamp, divided by the depth of the straight reference beam."""
         # None if the depth is constant.
-        return self.depth_mm(s) / self.straight.depth_mm if self._depths else None
+        return self.depth_mm(along_mm) / self.straight.depth_mm if self._depths else None
 
 
 def _rescaled(value: Array, before: Array, after: Array) -> Array:

@@ -131,7 +131,7 @@ class System:
         return Solution(nodes * sound[:, None], rigid, sound, indefinite)
 
     def _collecting(self, parts: Iterable[Array], tied: list[Array]) -> Iterator[Array]:
-        """Yield the matrices of each group of elements; append those of elements at the magnet to ``tied``."""
+        # Pass the matrices of each group of elements on; append those of elements with nodes on the magnet to ``tied``.
         for part, matrices in zip(self._assembly.parts, parts, strict=True):
             if self._tied is not None:
                 inside = self._tied[(self._tied >= part.start) & (self._tied < part.stop)]
@@ -216,7 +216,7 @@ class FactoredSystem:
             self._schur = np.where(self.sound[:, None, None], schur, np.eye(3))
 
     def solve(self, nodes: Array, body: Array) -> tuple[Array, Array]:
-        """Solve the systems for several right-hand sides."""
+        """Solve for the nodal displacements and the motion of the magnet (``body``), for several right-hand sides."""
         # ``nodes`` (m, B, n) and ``body`` (m, B, 3): the right-hand sides of the nodes and of the rigid magnet, as the
         # results.
         structure = self._structure

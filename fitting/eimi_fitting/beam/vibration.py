@@ -193,7 +193,7 @@ class Vibration:
         return nodal
 
     def _mass(self, local: Array, free: Array, rigid: Array, now: Configuration) -> Array:
-        """Return the mass matrices of several shapes of motion."""
+        # Return the mass matrix for sums of m shapes of motion, for each of B candidate laws.
         # ``local`` (m, E, B, u): displacements of the elements. ``free``, ``rigid``: as in `_local`. ``now``: the
         # equilibria. The result is (B, m, m).
         m, e, b, u = local.shape

@@ -35,7 +35,7 @@ class View:
     ruler_mm: Array | None = None
 
     def seen(self, places_mm: Array) -> Array:
-        """Return the positions of points in the image in mm from the clamp."""
+        """Return where points (x, y, z) of the beam appear in the camera image, (x, y) in mm from the clamp."""
         # ``places_mm`` (..., 3): coordinates (x, y, z); z points away from the camera, with z = 0 at mid-depth. The
         # result is (..., 2).
         if not any(self.tilt_deg):

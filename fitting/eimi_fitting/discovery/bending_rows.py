@@ -1,6 +1,6 @@
 """Turn the edges of bent beams into linear equations for the coefficients of the terms of a strain energy.
 
-The equations are linearised about a law close to the solution. The residuals are those of the most accurate beam model;
+The equations are linearised about an estimate of the law. The residuals are those of the most accurate beam model;
 their derivatives are finite differences of a coarser planar model.
 """
 
@@ -37,12 +37,12 @@ _STIFFNESS_FACTORS = (1.0, 1.01, 0.99, 1.03)  # tried in this order until every 
 
 
 class NoEquilibrium(Exception):
-    """A bent beam has no equilibrium for a law near the solution."""
+    """The simulation of a bent beam finds no equilibrium."""
 
 
 def scale_deviation(lot: float) -> float:
-    """Return the relative standard deviation between the moduli of the beams and of the tensile specimens."""
-    # It is due to different production lots (``lot``) and to errors of the beam model.
+    """Return the relative standard deviation of the modulus due to production lots (``lot``) and the beam model."""
+    # It is that between the moduli of the beams and of the tensile specimens.
     return float(np.hypot(lot, _MODEL))
 
 
@@ -60,7 +60,7 @@ def bending_rows(
     terms : sequence of Term
         The terms of the strain energy.
     about : array
-        A coefficient (Pa) of each term near the solution.
+        Estimated coefficient of each term, Pa.
     lot : float
         Relative standard deviation of the modulus between production lots of beams and tensile specimens.
 

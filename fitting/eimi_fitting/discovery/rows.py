@@ -33,11 +33,11 @@ class Rows:
     groups: NDArray[np.intp]
 
     def with_noise_times(self, factor: float) -> Rows:
-        """Return the equations for noise that is ``factor`` times as large."""
+        """Divide all equations by ``factor``, for noise that is ``factor`` times as large."""
         return Rows(self.observed / factor, self.columns / factor, self.nuisances / factor, self.groups)
 
     def fit_all_terms(self) -> tuple[Array, Array]:
-        """Fit non-negative coefficients of all terms (Pa), and the errors of inputs in standard uncertainties."""
+        """Fit the coefficients of all terms (Pa, not negative) and the input errors (in standard uncertainties)."""
         j, q = self.columns.shape[1], self.nuisances.shape[1]
         prior = np.hstack([np.zeros((q, j)), np.eye(q), -np.eye(q)])
         columns = np.vstack([np.hstack([self.columns, self.nuisances, -self.nuisances]), prior])

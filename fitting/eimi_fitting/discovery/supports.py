@@ -93,9 +93,8 @@ def minimal(candidates: tuple[Support, ...]) -> tuple[Support, ...]:
 
 
 def upper_coefficients(rows: Rows, terms: tuple[int, ...]) -> Array:
-    """Return the largest coefficient that each term could have if it were added to a set of terms."""
-    # (J,) in Pa: the upper end of the 95 % interval; 0 for terms of the set, infinity for terms whose effect the set
-    # can imitate.
+    """Return the upper end of the 95 % interval of each term's coefficient if the term is added to a set."""
+    # (J,) in Pa; 0 for terms of the set, infinity for terms whose effect the set can imitate.
     upper = np.zeros(rows.columns.shape[1])
     for further in set(range(len(upper))) - set(terms):
         added = _fitted(rows, (*terms, further))

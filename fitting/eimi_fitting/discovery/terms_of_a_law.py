@@ -215,8 +215,8 @@ def discover(
 
 
 def _supports(rows: Rows, has_modulus: NDArray[np.bool_], most_terms: int) -> tuple[Rows, tuple[Support, ...], float]:
-    """Fit all small sets of terms; if even the best set has too large errors, increase the noise."""
-    # The results: the equations divided by the final noise, the fitted sets, and the factor (at least 1) of the noise.
+    # Fit all small sets of terms. If even the best set has too large errors, the assumed noise is increased. The
+    # results: the equations divided by the final noise, the fitted sets, and the factor (at least 1) of the noise.
     fitted = supports(rows, has_modulus, most_terms)
     noise_factor = fitted[0].held_out_error
     if noise_factor <= 1.0:

@@ -54,7 +54,8 @@ class MooneyRivlin(InvariantLaw):
     def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
         """Return the stretch in equibiaxial tension up to which the law is stable, for P sets of parameters, (P,).
 
-        The result is infinity if the law is always stable, and 0 if the law is unstable at rest.
+        The result is infinity if the law is always stable, and 0 if it is unstable even without deformation.
+        ``largest_stretch`` is not used.
         """
         # The law is stable where D = C10^2 I2 + C01^2 I1 + C10 C01 (I1 I2 - 3) > 0, the determinant of the restricted
         # Hessian up to a positive factor. Equibiaxial tension loses stability first: of all deformations with the same

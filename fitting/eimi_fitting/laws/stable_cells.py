@@ -67,7 +67,7 @@ def proved_stable(weight: Array, alpha: Array, log_stretch: Array) -> Array:
 
 
 def _lower_bound(weight: Array, alpha: Array, start: Array, end: Array) -> Array:
-    """Return a lower bound of the sum of weight exp(alpha e) for e in n intervals from ``start`` to ``end``, (n,)."""
+    # A lower bound of f(e), the sum of weight exp(alpha e) over the terms, in each of n intervals of e: (n,).
     # A term with a positive weight is convex and lies above its tangent. A term with a negative weight is concave and
     # lies above its chord. f therefore lies above the sum of these straight lines, which is smallest at one end of the
     # interval. A second bound is the sum of the smallest values of the terms.

@@ -215,7 +215,7 @@ class SumOfTerms:
         return [term for i, term in enumerate(self.terms) if i != self._first]
 
     def from_coordinates(self, x: Array) -> Array:
-        """Return the coefficients of m terms, (P, m), from coordinates of the search, (P, m)."""
+        """Convert values of `coordinates` to coefficients of the m terms, both (P, m) for P candidates."""
         shares = np.insert(x[:, 1:], self._first, 0.0, axis=1)
         shares[:, self._first] = 1 - shares @ self._has_modulus
         return np.asarray(x[:, :1] * shares)

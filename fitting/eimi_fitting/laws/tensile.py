@@ -272,7 +272,7 @@ def _with_intervals(
 
 
 def _columns(law: Law, strain: Array, weight: Array) -> Array:
-    """Return the weighted stress of a linear law (m rows) if one of n parameters is 1 and the others are 0, (m, n)."""
+    # The design matrix (m, n) of a linear law: the weighted stress if one parameter is 1 and the others are 0.
     return weight[:, None] * engineering_stress(law, np.eye(len(law.parameter_names)), strain).T
 
 

@@ -1,4 +1,4 @@
-"""Identify the viscoelastic (Prony) law of a soft beam from its free vibrations, its creep and its shapes at rest.
+"""Identify the viscoelastic (Prony) law of a soft beam from its free vibrations, its creep and its static shapes.
 
 measured         `Motion`, a recorded free vibration or creep
 channels         coordinates of points over time, without gaps and outliers
@@ -14,7 +14,7 @@ slow_motion      rotation of the tip after a step of the load
 loaded_creep     creep of a loaded beam for a viscoelastic law
 terms            unknowns of a viscoelastic law
 evidence         residuals of free vibrations and of the sag under the own weight
-slow_evidence    residuals of creep and of shapes at rest
+slow_evidence    residuals of creep and of static shapes
 law_of_time      fit of a viscoelastic law to all data
 small_effects    estimated effects of air, eddy currents, coil, shutter and clamp
 result           `LawOfTime`, the result in the form of a file

@@ -86,8 +86,8 @@ def signals_of(motion: Motion, after_s: float = -np.inf) -> Signals:
     if not enough or len(chosen) < 8:
         raise TooFewFrames(
             f"{motion.label or 'the recording'}: {len(chosen) if enough else 0} frames can be used, but at least 8 are "
-            f"needed; only points that {_LEAST_SEEN:.0%} of the frames show are used, and only frames that show such a "
-            "point"
+            f"needed; a point is used if at least {_LEAST_SEEN:.0%} of the frames show it, and a frame if it shows "
+            "such a point"
         )
     time = frame_s[chosen]
     places = motion.points_mm[np.ix_(chosen, points)]

@@ -174,7 +174,6 @@ def _fitted(part: Signals, frequency: float, hangs: bool) -> tuple[ModalFit, tup
 
 
 def _swing_in_words(swinging: ModalFit, label: str) -> str:
-    """Return a warning that the hanging weight swings."""
     first_Hz, other_Hz = np.exp(swinging.modes[:, 0]) / (2 * np.pi)
     return (
         f"{label}: the beam vibrates at {first_Hz:.4g} and at {other_Hz:.4g} Hz, as when the hanging weight swings "

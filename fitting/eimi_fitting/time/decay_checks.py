@@ -69,7 +69,7 @@ def refusal_of(fitted: ModalFit, label: str) -> str | None:
 
 
 def doubts_of(fitted: ModalFit, label: str, hangs: bool = False) -> list[str]:
-    """Return warnings about fitted vibrations, such as too few frames."""
+    """Return warnings about fitted vibrations, such as too few frames; `hangs`: whether a weight hangs at the tip."""
     doubts = []
     share, signals = unexplained_share(fitted), fitted.signals
     if share > _DOUBTED and fitted.noise > OVER_NOISE:

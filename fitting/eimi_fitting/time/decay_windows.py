@@ -89,7 +89,7 @@ def windows_of(fitted: ModalFit) -> tuple[Window, ...]:
 
 
 def material_windows(windows: tuple[Window, ...], hangs: bool) -> slice:
-    """Return the time windows of a free vibration in which frequency and loss factor hardly change."""
+    """Select the time windows that identify the material; `hangs`: whether a weight hangs at the tip."""
     if len(windows) < 2:
         return slice(0, len(windows))
     starts = [0]

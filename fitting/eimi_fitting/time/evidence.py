@@ -112,7 +112,7 @@ class RingEvidence:
     def _whitened(self, number: int, mode: RingMode, gaps: Array) -> Array:
         """Divide errors of ln(frequency) and loss factor by their uncertainties, and remove their correlation."""
         # ``number``: index of the mode, 0 for the lowest. ``gaps`` (..., 2): the errors.
-        errors = (_HIGHER_ERROR, _HIGHER_LOSS_ERROR) if number else (self._of_lowest, _LOSS_ERROR)
+        errors = (_HIGHER_ERROR, _HIGHER_LOSS_ERROR) if number else (self._lowest_frequency_error, _LOSS_ERROR)
         # An error of the table is common to all ring-downs under equal loads, and does not average out: each ring-down
         # gets a share of the weight of one.
         of_table = self.repeats * np.square([errors[0], errors[1] * mode.loss])
@@ -120,8 +120,8 @@ class RingEvidence:
         return np.asarray(np.linalg.solve(np.linalg.cholesky(covariance), gaps[..., None])[..., 0])
 
     @property
-    def _of_lowest(self) -> float:
-        """The standard uncertainty of ln(lowest frequency) due to the mesh and to the suspension of a weight."""
+    def _lowest_frequency_error(self) -> float:
+        # Relative, due to the mesh and to the thread of a weight that hangs at the tip.
         return float(np.hypot(MESH_ERROR, 0.5 * self.table.fixed_weight_log))
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
@@ -154,8 +154,10 @@ class Sag:
 
     @staticmethod
     def of(table: RingTable, motion: Motion, decay: Decay) -> Sag | None:
-        """Measure and compute the sag of a beam under its own weight."""
-        # None if too few points are visible, or if the computed beam does not bend.
+        """Return the measured sag of a beam under its own weight, and the computed sag for several moduli.
+
+        None if too few points are visible, or if the computed beam does not bend.
+        """
         late = (motion.time_s >= decay.from_s) & motion.seen
         count = late.sum(axis=0)
         points = count > 0.3 * late.shape[0]
@@ -221,8 +223,8 @@ class RestEvidence:
         return RestEvidence(modulus, float(np.hypot(_SAG_ERROR, at * straight)))
 
     def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return the residual of the modulus at rest for many candidate laws, one row each."""
-        # It compares the moduli after 10⁴ s. ``load_log`` has no influence.
+        """Return the residual between the shear modulus after 10⁴ s and the modulus from the sag, for many laws."""
+        # (P, 1) for P laws. ``load_log`` has no influence.
         at_rest = instantaneous_Pa * series.ratio(np.array([AT_REST_S]))[:, 0]
         return np.asarray(np.log(at_rest / self.modulus_Pa)[:, None] / self.sigma)
 

@@ -143,14 +143,14 @@ class TimeOptimum:
         return np.asarray(np.linalg.inv(self.jacobian.T @ self.jacobian))
 
     def steps(self, effects: Mapping[str, Array]) -> dict[str, Array]:
-        """Return how far uncertain inputs move the optimum."""
+        """Return the change of the fitted unknowns by each uncertain input."""
         # ``effects``: the change of each residual by each input, (components of the input, k). The result is
         # (components, m).
         gain = -self.covariance @ self.jacobian[: len(self.jacobian) - len(self.unknowns)].T
         return {key: rows @ gain.T for key, rows in effects.items()}
 
     def load_step(self, sigma: float) -> Array:
-        """Return how far a relative error of the magnetic loads moves the optimum."""
+        """Return the change of the fitted unknowns by a relative error ``sigma`` of the magnetic loads."""
         # The error shifts the prior mean of ln(factor on the magnetic loads), the last unknown.
         return np.asarray(self.covariance @ self.jacobian.T[:, -1] * sigma / self.problem.load_sigma)
 
@@ -164,15 +164,15 @@ class TimeOptimum:
         )
 
 
-def optimum_of(problem: Problem, seed: int = 1, fewer: TimeOptimum | None = None) -> TimeOptimum:
+def optimum_of(problem: Problem, seed: int = 1, with_fewer_terms: TimeOptimum | None = None) -> TimeOptimum:
     """Fit a viscoelastic law by least squares from several starting points, and return the best optimum."""
-    # ``fewer``: the optimum with one term fewer in the Prony series, which gives further starting points.
+    # ``with_fewer_terms``: the optimum with one term fewer in the Prony series, which gives further starting points.
     starts, evaluations = [problem.mean], 0
     # Some of the fits start from the optimum with one term fewer.
-    if fewer is not None:
+    if with_fewer_terms is not None:
         n = problem.terms.count
         for time in problem.terms.mean[1 + n :]:
-            before = fewer.unknowns
+            before = with_fewer_terms.unknowns
             h, tau = np.append(before[1:n], _ADDED_SHARE), np.append(before[n : 2 * n - 1], time)
             order = np.argsort(tau)
             starts.append(np.concatenate([before[:1], h[order], tau[order], before[-1:]]))
@@ -247,8 +247,8 @@ _STRETCH = 2.0
 
 
 def _features(terms: Terms, unknowns: Array, omegas: Array) -> Array:
-    """Return quantities on which the residuals depend almost linearly, for many candidate laws."""
-    # ``unknowns`` (P, m) gives (P, f) for f quantities, such as ln(modulus) at ``omegas`` (rad/s).
+    # The residuals depend almost linearly on these features. ``unknowns`` (P, m) gives (P, f) for f features, such as
+    # ln(modulus) at ``omegas`` (rad/s).
     instantaneous, series = terms.split(unknowns[:, :-1])
     ratio = series.complex_ratio(np.broadcast_to(1j * omegas, (len(unknowns), len(omegas))))
     moduli = instantaneous[:, None] * series.ratio(_FEATURE_TIMES_S)

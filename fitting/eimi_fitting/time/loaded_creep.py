@@ -42,9 +42,9 @@ class LoadCurve:
 
     @staticmethod
     def through(nominal: tuple[Array, Array], stronger: tuple[Array, Array], factor: float) -> LoadCurve:
-        """Make the curve from static solutions in the nominal field and in a stronger field."""
-        # ``nominal``, ``stronger``: rotations of the tip and moments. The stronger field is ``factor`` times the
-        # nominal one; the difference gives the part of the moment that is due to the field.
+        """Interpolate the moment of the loads from (tip rotations, moments) in a nominal and a stronger field."""
+        # The stronger field is ``factor`` times the nominal one.
+        # The difference gives the part of the moment that is due to the field.
         spline = _spline(*nominal)
         even = np.linspace(nominal[0].min(), nominal[0].max(), _NODES)
         moment = spline(even)
@@ -56,18 +56,18 @@ class LoadCurve:
 
     @staticmethod
     def of_gravity(stiffness_Pa: float) -> LoadCurve:
-        """Return the moment of gravity, which is proportional to the rotation of the tip."""
+        """Return a moment of gravity that is linear in the tip rotation: -stiffness_Pa * rotation, in Pa rad."""
         ends = np.array([-3.0, 3.0])
         return LoadCurve(ends, -stiffness_Pa * ends, 0 * ends)
 
     def at(self, rotation: Array) -> tuple[Array, Array]:
-        """Return the moment and its derivative at many rotations of the tip in rad."""
+        """Return the moment of the loads on the beam, and its derivative, at many rotations of the tip in rad."""
         x, y, slopes = self.rotation, self.moment, self._slopes
         i = np.searchsorted(x[1:-1], rotation)
         return y[i] + slopes[i] * (rotation - x[i]), slopes[i]
 
     def at_even_rotations(self) -> LoadCurve:
-        """Interpolate the moment at equally spaced rotations of the tip."""
+        """Interpolate the moment of the loads at equally spaced rotations of the tip."""
         even = np.linspace(self.rotation[0], self.rotation[-1], _NODES)
         return LoadCurve(even, self.at(even)[0], np.interp(even, self.rotation, self.of_field))
 

@@ -98,8 +98,7 @@ class ModalFit:
         return ModalFit(signals, fitted, bend, has_bend, chi2, noise, covariance, residual, linear)
 
     def widened(self, sigma: Array) -> ModalFit:
-        """Return the fit with larger uncertainties of its first vibration."""
-        # ``sigma`` (2,): standard uncertainties of ln(frequency) and loss factor, added in quadrature.
+        """Add ``sigma`` (2,) in quadrature to the uncertainties of the first mode's ln(frequency) and loss factor."""
         covariance = self.covariance.copy()
         covariance[:2, :2] += np.diag(sigma**2)
         return replace(self, covariance=covariance)
@@ -130,7 +129,7 @@ class ModalFit:
         return bool((np.abs(self.bend) <= _MOST_BEND * [1.0, self.modes[0, 1]]).all())
 
     def strongest_first(self) -> ModalFit:
-        """Put the strongest of the modes with nearly the first frequency at the first place."""
+        """Put the strongest mode first; only modes with nearly the frequency of ``modes[0]`` are compared."""
         sizes = [float(np.abs(self.vibration_mm(k)).max()) for k in range(len(self.modes))]
         close = np.abs(self.modes[:, 0] - self.modes[0, 0]) < np.log(_CLOSE)
         strongest = int(np.argmax(np.where(close, sizes, 0.0)))
@@ -183,7 +182,7 @@ def with_more_modes(fitted: ModalFit) -> ModalFit:
 
 
 def exponent(time: Array, mode: Array, bend: Array) -> NDArray[np.complex128]:
-    """Return the complex exponent psi of a damped vibration Re(a exp(psi)) over time."""
+    """Return the exponent psi of a vibration Re(a exp(psi)); ``bend`` changes frequency and loss with the amplitude."""
     # ``mode`` (2,): ln(angular frequency in rad/s) and loss factor. ``bend`` (2,), or empty: relative change of the
     # frequency, and half of the change of the loss factor, due to the amplitude at time 0.
     omega, loss = np.exp(mode[0]), mode[1]

@@ -52,12 +52,12 @@ _FINE_ACROSS = 8  # elements across the planar model that corrects the solid mod
 
 
 class RingTable:
-    """A table of the frequencies and decay rates of a beam's free vibrations, for many viscoelastic laws.
+    """A table of the frequencies and decay rates of a beam's free vibrations, for a range of shear moduli.
 
     Raises
     ------
     NoEquilibrium
-        The beam has no stable equilibrium with the modulus ``middle_Pa``, or with a larger modulus of the table.
+        The beam has no stable equilibrium even with one of the larger shear moduli.
     """
 
     def __init__(self, beam: RingingBeam, middle_Pa: float) -> None:
@@ -107,9 +107,9 @@ class RingTable:
         return fixed_point(squares, of_inside, (len(inside), min(count, _MODES)))
 
     def _squares(self, log_modulus: Array, load_log: Array, count: int) -> Ratio:
-        """Return a function that gives the squared angular frequencies of the planar model."""
-        # It takes the ratio of the dynamic to the static modulus. ``log_modulus``, ``load_log`` (P,): logarithms of P
-        # static moduli, and of factors on the magnetic loads. ``count``: number of modes.
+        # The result is a function of the ratio of the dynamic to the static modulus: the squared angular frequencies of
+        # the planar model. ``log_modulus``, ``load_log`` (P,): logarithms of P static moduli, and of factors on the
+        # magnetic loads. ``count``: number of modes.
         each = np.exp(self._size(log_modulus))[:, :, None] * self._polynomials(log_modulus)
         polynomials = np.einsum("pf,fpdk->pdk", _lagrange(self._load_logs, load_log), each)
         columns = polynomials[..., :count].swapaxes(0, 1)
@@ -121,8 +121,8 @@ class RingTable:
 
     @cached_property
     def _correction(self) -> tuple[Array, Array]:
-        """Factors on modulus and squared frequency that correct the modes of the planar model."""
-        # With the factors, lambda at both `_RATIOS` is that of the three-dimensional model or finer mesh.
+        # For each mode of the planar model, a factor on the dynamic modulus and one on the squared frequency. With
+        # them, lambda at both `_RATIOS` is that of the three-dimensional model or finer mesh.
         at = np.clip(np.log([self.middle_Pa * self.planar_over_solid_modulus]), *np.log(self.range_Pa))
         squares = self._squares(at, np.zeros(1), _MODES)
 

@@ -48,7 +48,7 @@ class RingingBeam:
         return self.specimen.section
 
     def vibration(self, model: BeamModel | SolidModel) -> Vibration:
-        """Return the `Vibration` of a beam model with the weight that hangs at the tip."""
+        """Return the small vibrations of a beam model about equilibrium, with the mass that hangs at the tip."""
         gravity = self.loads.gravity[0]
         size = float(np.linalg.norm(gravity))
         return Vibration(model, self.hanging_N / STANDARD_GRAVITY, gravity / size if self.hanging_N and size else None)

@@ -1,4 +1,4 @@
-"""Residuals of creep and of shapes at rest, for the fit of a viscoelastic law."""
+"""Residuals of creep and of static shapes, for the fit of a viscoelastic law."""
 
 from __future__ import annotations
 
@@ -32,19 +32,19 @@ class LoadHistory:
     steps: tuple[LoadStep, ...]
 
     @staticmethod
-    def of(beam: RingingBeam, middle_Pa: float, loads: Loads, begins_s: Sequence[float]) -> LoadHistory:
-        """Compute the moment of each load on a beam as a function of the rotation of the tip."""
-        # ``middle_Pa``: a shear modulus near the true one. ``begins_s``: the time at which each load begins.
+    def of(beam: RingingBeam, modulus_Pa: float, loads: Loads, begins_s: Sequence[float]) -> LoadHistory:
+        """Compute, for each load, when it begins, and its moment as a function of the rotation of the tip."""
+        # ``modulus_Pa``: a shear modulus near the true one. ``begins_s``: the time at which each load begins.
         # The moment of the loads is interpolated between static equilibria with seven moduli, in which it equals the
         # modulus times the rotation.
-        model, moduli = beam.planar(), middle_Pa * np.geomspace(0.4, 2.5, _MODULI)
+        model, moduli = beam.planar(), modulus_Pa * np.geomspace(0.4, 2.5, _MODULI)
         # In a stronger field, a beam that is stiffer by the same factor turns by nearly the same rotation.
         factors = np.repeat([1.0, _STRONGER], _MODULI if loads.field_T.any() else [_MODULI, 0])
         moduli = factors * np.resize(moduli, len(factors))
         shapes = model.solve(beam.law, beam.parameters(moduli), loads, field_factor=factors)
         rotation = np.radians(model.tip_angle_deg(shapes))
         largest = np.abs(rotation).max()
-        gravity = _stiffness_of_gravity(beam, middle_Pa)
+        gravity = _stiffness_of_gravity(beam, modulus_Pa)
         curves = []
         for k in range(len(loads)):
             theta, sound = rotation[:, k], shapes.status[:, k] == 0
@@ -59,11 +59,11 @@ class LoadHistory:
         return LoadHistory(tuple(LoadStep(float(t), curve) for t, curve in zip(begins_s, curves, strict=True)))
 
 
-def _stiffness_of_gravity(beam: RingingBeam, middle_Pa: float) -> float:
+def _stiffness_of_gravity(beam: RingingBeam, modulus_Pa: float) -> float:
     """Return the stiffness of a beam that is due to gravity, as an equivalent shear modulus in Pa."""
-    # ``middle_Pa``: a shear modulus near the true one.
-    motion, _ = beam.vibration(beam.planar()).about(beam.law, beam.parameters(np.array([middle_Pa])), beam.loads)
-    return float(middle_Pa * motion.rest[0, 0, 0] / motion.material[0, 0, 0])
+    # ``modulus_Pa``: a shear modulus near the true one.
+    motion, _ = beam.vibration(beam.planar()).about(beam.law, beam.parameters(np.array([modulus_Pa])), beam.loads)
+    return float(modulus_Pa * motion.rest[0, 0, 0] / motion.material[0, 0, 0])
 
 
 @dataclass(frozen=True)
@@ -86,8 +86,8 @@ class CreepEvidence:
     shown: tuple[Array, Array] | None = None
 
     def shown_at(self, true: Array) -> Array:
-        """Convert true rotations of the tip to those that would be measured."""
-        # The measurement divides the displacements by a constant, which is wrong for a strongly bent beam.
+        """Convert true to measured tip rotations; the measurement is wrong for a strongly bent beam."""
+        # It divides the displacements by a constant.
         if self.shown is None:
             return true
         nodes, values = self.shown
@@ -101,11 +101,11 @@ class CreepEvidence:
         history = CreepHistories([(self.history.steps, self.time_s)])
         return self.shown_at(history.rotations(instantaneous_Pa, series, np.exp(load_log))[0])
 
-    def residuals_at(self, true: Array) -> Array:
-        """Return the residuals of the measured rotations for many candidate laws, one row each."""
-        # ``true`` (P, k): the rotations at k times that each law predicts, in rad. The result is (P, k + 1): the last
+    def residuals_at(self, rotations: Array) -> Array:
+        """Return the residuals for the tip rotations that many candidate laws predict, one row each."""
+        # ``rotations`` (P, k): the true rotations at k times for each law, in rad. The result is (P, k + 1): the last
         # residual is that of an unknown with a prior, the shift of the mean rotation by the free vibration.
-        gap = self.shown_at(true) - self.rotation
+        gap = self.shown_at(rotations) - self.rotation
         error = _RECOVERY_ERROR if self.shown is None else _CREEP_ERROR
         # The error changes slowly: all times within a decade have the same error.
         decades = max(1.0, float(np.log10(self.time_s[-1] / self.time_s[0])))
@@ -128,7 +128,7 @@ class CreepEvidence:
 
 @dataclass(frozen=True)
 class StaticEvidence:
-    """The shear modulus that was fitted to a beam at rest, as a measurement for a viscoelastic law."""
+    """The shear modulus of an elastic fit to static shapes, as a measurement for a viscoelastic law."""
 
     # The specimen.
     beam: RingingBeam
@@ -160,7 +160,7 @@ class StaticEvidence:
         return [(run.steps, seen_s[order]) for (run, seen_s), order in zip(self.runs, self.orders, strict=True)]
 
     def apparent_log(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return ln(modulus) that an elastic fit to the shapes at rest would find for many viscoelastic laws."""
+        """Return ln(modulus) from an elastic fit to the loaded shapes of a viscoelastic beam, for many laws."""
         # ``load_log`` (P,): logarithms of the factors on the magnetic loads. The result is (P,).
         rotations = CreepHistories(self.histories).rotations(instantaneous_Pa, series, np.exp(load_log))
         return self._apparent_log(rotations)
@@ -184,10 +184,10 @@ class StaticEvidence:
         return total / np.maximum(weights, 1e-30)
 
     def residuals_at(self, rotations: Sequence[Array]) -> Array:
-        """Return the residual of the modulus for many candidate laws, one row each."""
+        """Return the residual between the elastic modulus that follows from tip rotations and the fitted one."""
         # It compares the modulus that a fit without time dependence would find, if the tip had the computed rotations,
-        # with the modulus of the real fit. ``rotations``: the computed rotations of the tip for each run, (P, shapes)
-        # in rad.
+        # with the modulus of the real fit. ``rotations``: the rotations of the tip that P laws predict for each run,
+        # (P, shapes) in rad. The result is (P, 1).
         gap = self._apparent_log(rotations) - np.log(self.modulus_Pa)
         return np.asarray(gap[:, None] / np.hypot(self.sigma, _STATIC_ERROR))
 
@@ -231,7 +231,7 @@ class StaticEvidence:
 
 
 class SlowEvidence:
-    """All recordings of creep and the shapes at rest, to which a viscoelastic law is fitted."""
+    """All recordings of creep and the static shapes, to which a viscoelastic law is fitted."""
 
     def __init__(self, creeps: Sequence[CreepEvidence], static: StaticEvidence | None) -> None:
         self._creeps, self._static = tuple(creeps), static
@@ -241,7 +241,7 @@ class SlowEvidence:
         )
 
     def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return the residuals of creep and of shapes at rest for many candidate laws, one row each."""
+        """Return the residuals of creep and of static shapes for many candidate laws, one row each."""
         rotations = self._histories.rotations(instantaneous_Pa, series, np.exp(load_log))
         rows = [creep.residuals_at(true) for creep, true in zip(self._creeps, rotations, strict=False)]
         if self._static:

@@ -35,7 +35,7 @@ def displacement_per_rad(beam: RingingBeam, modulus_Pa: float, loads: Loads, bef
     # ``loads``, ``before``: the loads after and before a step. ``rest_mm`` (p, 2): positions (x, y) of the points at
     # rest. The result is (p, 2) in mm per rad.
     model = beam.planar()
-    places = _places(beam, rest_mm)
+    places = _moved_onto_beam(beam, rest_mm)
 
     def difference(
         moduli: Array, of_loads: Loads, states: tuple[int, int], rows: tuple[int, int]
@@ -60,13 +60,13 @@ def displacement_per_rad(beam: RingingBeam, modulus_Pa: float, loads: Loads, bef
 def shown_rotations(
     beam: RingingBeam, modulus_Pa: float, rest_mm: Array, signals: Signals, per_rad_mm: Array
 ) -> tuple[Array, Array] | None:
-    """Return true rotations of the tip, and the rotations that are measured instead if a beam is strongly bent."""
-    # Both are in rad and increasing. They differ because the measurement divides displacements by a constant. None if
-    # the rotations of soft and stiff beams hardly differ.
+    """Return true tip rotations (rad), and the rotations that displacement divided by `per_rad_mm` gives for them."""
+    # The second array differs from the first if the beam is strongly bent. None if the rotations of soft and stiff
+    # beams hardly differ.
     # ``modulus_Pa``: a typical shear modulus; the equilibria are those of softer and stiffer beams. ``rest_mm`` (p, 2):
     # positions (x, y) of p points at rest. ``per_rad_mm`` (p, 2): their displacements for a rotation by one rad.
     model = beam.planar()
-    places = _places(beam, rest_mm)
+    places = _moved_onto_beam(beam, rest_mm)
     moduli = modulus_Pa * np.geomspace(0.4, 2.5, _SHAPES)
     shapes = model.solve(beam.law, beam.parameters(moduli), beam.loads)
     sound = shapes.status[:, 0] == 0
@@ -85,7 +85,7 @@ def shown_rotations(
 def modulus_in_pictures(beam: RingingBeam, modulus_Pa: float, motion: Motion) -> float:
     """Find the shear modulus (Pa) for which the computed beam is bent as far as the recorded beam."""
     # ``modulus_Pa``: a typical shear modulus, which is returned if the frames do not determine a modulus.
-    model, places = beam.planar(), _places(beam, motion.rest_mm)
+    model, places = beam.planar(), _moved_onto_beam(beam, motion.rest_mm)
     # A beam that creeps is softer than one that vibrates.
     moduli = modulus_Pa * np.geomspace(*_SEEN_RANGE, _SHAPES)
     shapes = model.solve(beam.law, beam.parameters(moduli), beam.loads)
@@ -106,8 +106,8 @@ def modulus_in_pictures(beam: RingingBeam, modulus_Pa: float, motion: Motion) ->
     return float(np.exp(fine[np.argmin((gaps**2).sum(axis=(1, 2)))]))
 
 
-def _places(beam: RingingBeam, rest_mm: Array) -> Array:
-    """Return positions (x, y) of points at rest; points outside the beam are moved to its edge."""
+def _moved_onto_beam(beam: RingingBeam, rest_mm: Array) -> Array:
+    # Points outside the beam at rest are moved to its edge.
     grid = beam.planar().grid
     straight = grid.straightened(np.clip(rest_mm, [0.0, -np.inf], [beam.specimen.length_mm, np.inf]))
     half = 0.5 * grid.strip.straight.width_mm
@@ -186,7 +186,7 @@ def _slow_frames(signals: Signals, decay: Decay | None, gain: Array) -> tuple[Ar
 
 
 def _ringing_after(signals: Signals, decay: Decay, gain: Array, times_s: Array) -> Array:
-    """Return the amplitude of the tip's rotation in rad after the fitted part of the vibration."""
+    """Extrapolate the vibration of the tip (root mean square, in rad) to times after the fitted interval."""
     # ``gain``: as in `_squares`.
     rows = (signals.time_s >= decay.from_s) & (signals.time_s <= decay.to_s)
     vibration = signals.channels_mm[rows] - decay.baseline_mm if rows.sum() == len(decay.baseline_mm) else np.zeros(0)

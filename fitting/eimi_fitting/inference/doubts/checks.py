@@ -141,11 +141,11 @@ class Doubt:
 
 
 class NotDetermined(Exception):
-    """The exception for a single load case that does not determine the initial shear modulus."""
+    """The exception for a fit to only one load case that does not determine the initial shear modulus."""
 
 
 def check_determined(estimate: Estimate, experiments: Sequence[Experiment]) -> None:
-    """Raise NotDetermined if a single load case does not determine the initial shear modulus."""
+    """Raise NotDetermined if there is only one load case and it does not determine the initial shear modulus."""
     if sum(len(experiment.loads) for experiment in experiments) == 1 and is_open(estimate.initial_shear_modulus):
         low, high = estimate.initial_shear_modulus.interval_95
         raise NotDetermined(

@@ -88,7 +88,7 @@ class Coefficients:
         )
 
     def column(self, row: int) -> Column:
-        """Return how the error of an input, or a systematic error, changes the residuals."""
+        """Return the change of the residuals by the input error or the systematic error with the index `row`."""
         return self.columns[row - self.law if row < self.common else row - self.law - self.common + self.simulated]
 
 

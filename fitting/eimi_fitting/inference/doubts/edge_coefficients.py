@@ -52,14 +52,14 @@ class Projection:
             parts.append(np.einsum("kl,gh,...kgd->...lhd", turn, mix, along).reshape(*lead, -1))
         return np.concatenate(parts, axis=-1)
 
-    def smooth(self, changes: Array) -> Array:
-        """Return the variances (mm^2) of the coefficients due to smooth errors of the same size as these changes."""
-        # The root mean square of the given changes (c, N) is the size of the errors.
+    def smooth(self, errors: Array) -> Array:
+        """Return the variance (mm^2) of each coefficient of a smooth random error with the mean square of `errors`."""
+        # errors (c, N): the coefficients of c errors in mm.
         parts, first = [], 0
         for basis in self.bases:
             here = slice(first, first := first + basis.shape[0] * basis.shape[1] * basis.shape[3])
-            # Only the root mean square of a change is used: how it varies along an edge is unknown, but smooth.
-            parts.append(self.error[here] * ((changes[:, here] ** 2).sum() / max(float((basis**2).sum()), 1e-9)))
+            # Only the root mean square of an error is used: how it varies along an edge is unknown, but smooth.
+            parts.append(self.error[here] * ((errors[:, here] ** 2).sum() / max(float((basis**2).sum()), 1e-9)))
         return np.concatenate(parts)
 
 

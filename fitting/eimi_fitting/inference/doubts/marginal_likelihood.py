@@ -29,12 +29,12 @@ class Posterior:
     error_squared: Array
 
     def take(self, rows: slice) -> Posterior:
-        """Return the results of some of the models."""
+        """Return the results of some of the linear models."""
         return Posterior(self.log_evidence[rows], self.means[rows], self.squares[rows], self.error_squared[rows])
 
     @staticmethod
     def of_all(parts: Sequence[Posterior]) -> Posterior:
-        """Join the results of several groups of models."""
+        """Concatenate the results of several groups of linear models."""
         names = ("log_evidence", "means", "squares", "error_squared")
         return Posterior(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 

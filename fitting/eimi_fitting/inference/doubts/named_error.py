@@ -87,7 +87,7 @@ def remaining_error_mm(weighed: Weighed, experiments: Sequence[Experiment]) -> f
 
 
 def contains(modulus: Quantity, shifts_percent: Iterable[float]) -> bool:
-    """Return whether the interval of a modulus contains its value changed by each of these percentages."""
+    """Return whether the modulus, changed by each of these percentages, stays inside its 95 % interval."""
     low, high = modulus.interval_95
     return all(low <= modulus.value * (1 + 1e-2 * shift) <= high for shift in shifts_percent)
 

@@ -44,7 +44,7 @@ class Assumed:
 
     @property
     def setup(self) -> Setup:
-        """The assumed changes of the field strength and of the picture."""
+        """The factor on the magnetic loads, and the shift, rotation and scale of the image, due to wrong inputs."""
         return Setup.of(self.deviations, 1)
 
 
@@ -83,7 +83,7 @@ class PossibleCause:
 
 
 def by_sources(*parts: Mapping[tuple[str, int], float]) -> Change:
-    """Return a function that adds errors of inputs, such as the width, to the assumptions of a fit."""
+    """Return the `Change` for a systematic error whose components are errors of inputs."""
     # For each component of the systematic error, `parts` gives the errors of the inputs at size 1. For example,
     # {("clamp", 0): 1.0} is an error of 1 mm in the x of the clamp.
 

@@ -149,8 +149,7 @@ class LinearisedFit:
 
     @staticmethod
     def of(problem: Problem, optimum: Optimum[Evaluation], causes: Sequence[PossibleCause]) -> LinearisedFit:
-        """Simulate the optimum of a fit, and compute the derivatives of its residuals by the unknowns."""
-        # An unknown that is a cause is left out of the derivatives.
+        """Simulate the optimum of a fit, and linearise its residuals in the unknowns that are not in `causes`."""
         linear, sources = linearise(problem, optimum), {cause.source for cause in causes}
         freed = problem.unknowns.freed
         is_kept = np.array([*[True] * problem.unknowns.searched, *(n.source not in sources for n in freed)])
@@ -183,17 +182,16 @@ class LinearisedFit:
             for i, experiment in enumerate(self.problem.experiments)
         ]
 
-    def start(self, cause: PossibleCause, part: int, dataset: int) -> float:
-        """Return the measured error of an input, such as the x of the clamp, plus its fitted change; or 0."""
-        # The result is 0 if the error was not measured.
+    def known_error(self, cause: PossibleCause, part: int, dataset: int) -> float:
+        """Return the known error of an input's component: measured error plus fitted correction; 0 if not measured."""
         measured = self.problem.experiments[dataset].measured.get(cause.source, ())
         if not measured:
             return 0.0
-        start = float(measured[part]) if part < len(measured) else 0.0
-        return start + self.freed_start(cause.source, part, dataset)
+        error = float(measured[part]) if part < len(measured) else 0.0
+        return error + self.freed_start(cause.source, part, dataset)
 
     def freed_start(self, source: str, part: int, dataset: int) -> float:
-        """Return the fitted error of one component of an input, such as the x of the clamp; 0 if it was not fitted."""
+        """Return the correction of an input's component, such as x of the clamp, by the fit; 0 if it was not fitted."""
         return sum(
             float(nuisance.value(self.unit[column]))
             for column, nuisance in enumerate(self.problem.unknowns.freed, self.problem.unknowns.searched)
@@ -208,7 +206,7 @@ class LinearisedFit:
     def simulated(
         self, moved: Array, amplitudes: Mapping[PossibleCause, Sequence[tuple[Column, float]]]
     ) -> list[Array] | None:
-        """Simulate the residuals (mm) after changes of the unknowns and with systematic errors of given sizes."""
+        """Simulate the residuals to the measured edges (mm) for changed unknowns and given systematic errors."""
         # moved (l,): changes of the unknowns `kept`. amplitudes: the components of each systematic error, with their
         # values.
         unit = self.unit.copy()
@@ -260,7 +258,7 @@ def columns_of(fit: LinearisedFit, cause: PossibleCause) -> tuple[Column, ...]:
                 signature(fit.solved[i], cause, part, size) if i in datasets else None for i in range(len(fit.solved))
             )
             if fit.is_seen(changes, size):
-                columns.append(Column(part, datasets, size, fit.start(cause, part, datasets[0]), changes))
+                columns.append(Column(part, datasets, size, fit.known_error(cause, part, datasets[0]), changes))
     return tuple(columns)
 
 

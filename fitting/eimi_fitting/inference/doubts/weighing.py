@@ -40,7 +40,7 @@ _MOST_SIZES = 5.0  # largest amplitude, in prior sizes
 
 @dataclass(frozen=True)
 class Exact:
-    """The probabilities of systematic errors if some uncertain inputs, such as the width, are known exactly."""
+    """The probabilities of systematic errors, computed as if some inputs, such as the width, had no error."""
 
     # Indices of n systematic errors.
     causes: list[int]
@@ -111,11 +111,11 @@ class Weighing:
         shown, columns = self._causes[cause].shown, [self._coefficients.column(row) for row in self.blocks[cause]]
         return len(columns) if shown is None else sum(column.part < shown for column in columns) or len(columns)
 
-    def alone(self, best: int) -> slice:
-        """Return the indices of the combinations with at most one systematic error."""
+    def alone(self, index: int) -> slice:
+        """Return the slice of `hypotheses` with at most one error and the same inputs, exact or not, as at `index`."""
         # `hypotheses` contains all sets with exact inputs and, if inputs are uncertain, then all sets with uncertain
-        # inputs. The result is of the kind to which the set `best` belongs.
-        first = self.is_uncertain[best] * (len(self.hypotheses) // len(self._members))
+        # inputs.
+        first = self.is_uncertain[index] * (len(self.hypotheses) // len(self._members))
         return slice(first, first + 1 + len(self._causes))
 
     def classes(self, posterior: Posterior) -> list[tuple[int, ...]]:
@@ -146,7 +146,7 @@ class Weighing:
         return self._scale[rows]
 
     def rows_of_inputs(self, cause: int) -> list[int]:
-        """Return the indices of the uncertain inputs that can cause a systematic error."""
+        """Return the indices of the uncertain inputs that can cause the systematic error with the index `cause`."""
         stated_as = self._causes[cause].stated_as
         return [
             row
@@ -156,29 +156,25 @@ class Weighing:
         ]
 
     def squares_of(self, base: int, posterior: Posterior, rows: Sequence[int]) -> float:
-        """Return how strongly some uncertain inputs change the residuals."""
-        # Squares, divided by the variance of the residuals.
-        # base: index of a set of causes. rows: indices of the inputs.
+        """Return chi-square of the residual change by errors of the inputs `rows`, estimated in `hypotheses[base]`."""
         change = posterior.means[base, rows] / self._scale[rows] @ self._rows[rows]
         # The variance of noise and unexplained errors.
         variance = self._variance + posterior.error_squared[base] * self._project.error
         return float((change**2 / variance).sum())
 
     def as_cause(self, rows: Sequence[int], amounts: Array, cause: int) -> Array:
-        """Find the size of one systematic error that changes the residuals as some errors of inputs do."""
-        # The change is approximated by least squares. rows, amounts: indices of the inputs, and their errors.
+        """Fit the size of the systematic error `cause` to the effect of errors `amounts` of the inputs `rows`."""
         of_cause, root = self._shown_rows(cause), np.sqrt(self._variance)
         change = amounts / self._scale[rows] @ self._rows[rows] / root
         return np.linalg.lstsq((self._rows[of_cause] / root).T, change, rcond=None)[0] * self._scale[of_cause]
 
     def stated_size(self, cause: int) -> float:
-        """Return the standard uncertainty of a systematic error that is due to uncertain inputs."""
+        """Return the standard uncertainty of a systematic error, from those of the inputs that can cause it."""
         parts = [self.as_cause([row], self._scale[[row]], cause) for row in self.rows_of_inputs(cause)]
         return float(np.linalg.norm(parts)) if parts else 0.0
 
     def if_exact(self, base: int, rows: Sequence[int]) -> Exact:
-        """Compute the probabilities of further systematic errors if some inputs are known exactly."""
-        # base: index of the set of causes to which one cause is added. rows: indices of the exact inputs.
+        """Compute the probability of each error that `hypotheses[base]` lacks, if the inputs `rows` have no error."""
         hypothesis = self.hypotheses[base]
         causes = [cause for cause in range(len(self._causes)) if cause not in hypothesis]
         hypotheses = [hypothesis, *((*hypothesis, cause) for cause in causes)]

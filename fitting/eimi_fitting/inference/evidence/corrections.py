@@ -76,8 +76,8 @@ def _solid(experiment: Experiment) -> Experiment:
 
 
 def polished(experiment: Experiment) -> Experiment:
-    """Return the experiment with the planar mesh that is used after the search."""
-    # It is the mesh of the planar model that a three-dimensional model contains.
+    """Return the experiment with the planar mesh of its three-dimensional model, if the specimen is a solid."""
+    # The fit uses this mesh after the search.
     specimen = experiment.model.specimen
     return replace(experiment, model=_on_lines_of_solid(specimen)) if specimen.section == "solid" else experiment
 
@@ -132,7 +132,7 @@ class Correction:
         return replace(self, better=replace(self.better, shapes=()))
 
     def added(self, experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
-        """Add the change of the residuals to each experiment."""
+        """Return the experiments with this correction added to their residuals."""
         return tuple(
             replace(e, change=change if e.change is None else e.change + change)
             for e, change in zip(experiments, self.changes, strict=True)
@@ -142,8 +142,7 @@ class Correction:
 def with_residuals_of(
     better: Comparison, experiments: Sequence[Experiment], here: Comparison
 ) -> tuple[Experiment, ...]:
-    """Correct the experiments so that the fast beam model has the residuals of the accurate one."""
-    # `better` are the residuals of the accurate model, `here` those of the fast model.
+    """Add the residuals of the accurate model (`better`) minus those of the fast model (`here`) to experiments."""
     return tuple(
         replace(e, change=(0.0 if e.change is None else e.change) + finer.residuals[0] - plain.residuals[0])
         for e, finer, plain in zip(experiments, better.misfits, here.misfits, strict=True)
@@ -190,9 +189,9 @@ def by_better_model(
     near: Sequence[Correction] = (),
     options: SolidOptions | None = None,
 ) -> tuple[Misfit, Array, Correction | None] | None:
-    """Simulate one experiment with an accurate beam model, and return residuals, edges and correction."""
+    """Return residuals and edges of an accurate beam model, and the `Correction` of the fast model to it."""
     # The parameters are those of `correction`. The edges have the shape (K, 2, S, 3, 2): K load cases, two edges, S
-    # segments, three points, x and y in mm.
+    # segments, three points, x and y in mm. The whole result is None without an equilibrium of fast or solid model.
     if here.unconverged[0]:
         return None
     (refinement,) = refinements([experiment])

@@ -94,8 +94,7 @@ class Experiment:
         )
 
     def recorrected(self, misfit: Misfit, before: Experiment) -> Misfit:
-        """Return residuals after a change of their correction for the error of the beam model."""
-        # The experiment `before` is the one whose correction the residuals contain.
+        """Return residuals with the beam-model correction of this experiment in place of that of `before`."""
         # No simulation is needed, because the two experiments differ only in their corrections.
         difference = sum(
             (sign * e.change for sign, e in ((1, self), (-1, before)) if e.change is not None), start=np.zeros(1)
@@ -107,8 +106,8 @@ class Experiment:
 
         Parameters
         ----------
-        deviations : mapping of str to ndarray, shape (parts,)
-            Deviations from the specified values, by the name of the input, in its unit.
+        deviations : mapping of str to ndarray, shape (c,)
+            Deviations of the c components of each input from the specified values, in its unit, by its name.
         """
         # An input that changes only the field strength or the image has no effect here; `Setup` contains its effect.
         if not deviations:
@@ -167,21 +166,21 @@ class Comparison:
 
     @property
     def error_mm(self) -> Array:
-        """Root mean square residual in mm, for each candidate and load case."""
+        """Root mean square residual in mm, for each candidate law and load case."""
         return np.concatenate([misfit.error_mm for misfit in self.misfits], axis=1)
 
     @property
     def deviation_mm(self) -> Array:
-        """Standard deviation of the residuals in mm, for each candidate and load case."""
+        """Standard deviation of the residuals in mm, for each candidate law and load case."""
         return np.concatenate([misfit.deviation_mm for misfit in self.misfits], axis=1)
 
     @property
     def objective_mm(self) -> Array:
-        """Mean of ``error_mm`` over all load cases, for each candidate."""
+        """Mean of ``error_mm`` over all load cases, for each candidate law."""
         return np.where(self.unconverged | self.unstable, DISCARDED_MM, self.error_mm.mean(axis=1))
 
     def take(self, rows: NDArray[np.intp]) -> Comparison:
-        """Return the results of some of the candidates."""
+        """Return the comparison for some of the candidate sets of parameters only."""
         return Comparison(
             unconverged=self.unconverged[rows],
             unstable=self.unstable[rows],

@@ -115,8 +115,8 @@ class Problem:
         return bool(self.unknowns.freed or self.curves or self.priors)
 
     def recorrected(self, evaluation: Evaluation, before: Problem) -> Evaluation:
-        """Correct residuals for the error of the beam model."""
-        # `before` is the other fit. No simulation is needed.
+        """Return residuals with the beam-model corrections of this problem in place of those of `before`."""
+        # No simulation is needed.
         comparison = evaluation.comparison
         misfits = tuple(
             experiment.recorrected(misfit, earlier)

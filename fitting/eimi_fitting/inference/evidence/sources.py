@@ -43,7 +43,7 @@ class Source:
     usual : float
         Usual standard deviation in a laboratory, in ``unit``.
     is_decisive : bool
-        Whether a fit without a given uncertainty says how large the effect of the usual error would be.
+        Whether the input is important: a fit reports the effect of its ``usual`` error if no uncertainty is given.
     is_even : bool
         Whether the effect is equal in a reversed magnetic field.
     common : bool

@@ -118,7 +118,7 @@ class Setup:
         return Setup(factor, linear, shift)
 
     def take(self, rows: Rows) -> Setup:
-        """Return the values for some of the candidates."""
+        """Return the errors of field and camera for the candidates with the indices `rows`."""
         return Setup(self.field_factor[rows], self.linear[rows], self.shift_mm[rows])
 
     def corrected(self, places_mm: Array) -> Array:
@@ -135,7 +135,7 @@ class Setup:
 
 
 def freed_number(name: str) -> tuple[str, int]:
-    """Convert a name such as "clamp y of dataset 0" into the pair ("clamp", 1)."""
+    """Return input and component of an unknown: ("clamp", 1) for "clamp y of dataset 0", where 1 means y."""
     # Raises KeyError for an unknown name.
     part_name = name.partition(" of dataset")[0]
     return {part: (key, i) for key, source in SOURCES.items() for i, part in enumerate(source.parts)}[part_name]
@@ -151,8 +151,8 @@ class SharedUnknowns:
     standard_uncertainty: float | None
 
     def part_name(self, part: int, datasets: int) -> str:
-        """Return the name of one component of this input, such as "clamp y of datasets 0 and 2"."""
-        # `part` is the index of the component, and `datasets` the number of datasets of the fit.
+        """Return the name of component `part`, such as "clamp y of datasets 0 and 2"."""
+        # `datasets` is the number of datasets of the fit.
         # The name contains no datasets if all of them have the same error.
         name = SOURCES[self.source].parts[part]
         if len(self.datasets) == datasets:
@@ -238,7 +238,7 @@ class Unknowns:
         return precision
 
     def whole(self, unit: Array) -> Array:
-        """Add the missing uncertain inputs, with their given values, to the scaled unknowns of the law."""
+        """Append the uncertain inputs, with their nominal values, to scaled unknowns that lack them."""
         unit = np.atleast_2d(unit)
         missing = len(self.names) - unit.shape[1]
         return np.concatenate([unit, np.full((len(unit), missing), 0.5)], axis=1)
@@ -252,11 +252,11 @@ class Unknowns:
         return self.space.bulk_modulus_Pa(unit[:, : self.searched])
 
     def standardised(self, unit: Array) -> Array:
-        """Return the errors of the fitted inputs in prior standard deviations."""
+        """Convert scaled unknowns to deviations of the inputs from their given values, in prior standard deviations."""
         return np.asarray(2 * RANGE * (unit[:, self.searched :] - 0.5))
 
     def setups(self, unit: Array, datasets: int) -> list[Setup] | None:
-        """Return the errors of field strength and camera in each dataset."""
+        """Convert scaled unknowns to errors of the field strength and of the camera in each dataset."""
         if not self.freed:
             return None
         values = [(n, n.value(unit[:, column])) for column, n in enumerate(self.freed, self.searched)]

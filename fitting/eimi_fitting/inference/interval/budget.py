@@ -50,7 +50,7 @@ class MeasureNext:
 
 @dataclass(frozen=True)
 class Moves:
-    """Random errors of the fitted values, from which the 95 % intervals are computed."""
+    """Random samples of the errors of the fitted values, from which the 95 % intervals are computed."""
 
     # There are n unknowns, scaled to 0..1 between their bounds, S uncertain inputs, and D draws.
 
@@ -66,9 +66,9 @@ class Moves:
     further: Array | float = 0.0
 
     def units(self, of_noise: float = 1.0, of_sources: Array | float = 1.0) -> Array:
-        """Return random draws of the unknowns: the fitted values plus random errors."""
-        # of_noise: factor on the errors due to noise, priors and the beam models. of_sources: factor on the errors of
-        # the inputs, (S,) or a number. The result has the shape (D, n).
+        """Return random samples of the unknowns; `of_noise` and `of_sources`: factors on noise and on input errors."""
+        # The noise includes the errors due to priors and the beam models. of_sources: (S,) or a number. The result has
+        # the shape (D, n).
         moved = of_noise * self.noise + (of_sources * self.deviations) @ self.steps.sizes
         # Factors of 0 also omit the further errors, so that noise, priors and beam models remain.
         return np.clip(self.unit + moved + np.any(of_sources) * (self.steps.without_bounds + self.further), 0.0, 1.0)

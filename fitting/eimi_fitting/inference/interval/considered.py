@@ -36,14 +36,15 @@ _TOLERANCE_MM = 1e-3  # the last Newton step is shorter; the remaining error is 
 
 @dataclass(frozen=True)
 class ConsideredSources:
-    """An uncertain input, such as the width, and the change of the residuals by its standard uncertainty."""
+    """One component of an uncertain input, such as y of the clamp, and its effect on the residuals."""
 
     # Name of one component of the input in a result.
     name: str
     shared: SharedUnknowns
     # Index of the component, such as 1 for y.
     part: int
-    # (K, 2, m) for each experiment: change in mm, in K load cases, for two edges (or x and y) and m points.
+    # (K, 2, m) for each experiment: change of the residuals in mm by the standard uncertainty, in K load cases, for two
+    # edges (or x and y) and m points.
     changes: tuple[Array | None, ...]
 
     @property
@@ -168,21 +169,21 @@ def coarse_model(specimen: Specimen) -> BeamModel:
 def changes_by(
     candidate: Candidate,
     experiment: Experiment,
-    numbers: Sequence[tuple[str, int, float]],
-    near: Configuration | None = None,
+    errors: Sequence[tuple[str, int, float]],
+    initial: Configuration | None = None,
 ) -> list[Array | None]:
-    """Return the change of the residuals by each of several errors of inputs."""
-    # numbers: name of each input, index of its component (1 for y), and the error in the unit of the input. near:
-    # shapes of the beam from which the solver starts. The result contains, for each error, the change in mm, (K, 2, m):
-    # K load cases, two edges (or x and y) and m points.
+    """Return the change of the residuals by each error (input, component, size); None without an equilibrium."""
+    # errors: 1 is the index of y, and the size is in the unit of the input. initial: shapes of the beam from which the
+    # solver starts. The result contains, for each error, the change in mm, (K, 2, m): K load cases, two edges (or x and
+    # y) and m points.
     # The changes are finite differences. One standard uncertainty changes the shapes of the beam only a little, so that
     # the solver starts from the shapes for the specified values of the inputs. A change is None if the solver finds no
     # equilibrium.
     experiment = replace(experiment, model=coarse_model(experiment.model.specimen), solid=None, change=None)
     as_stated = Setup.of(candidate.freed, 1)
-    stated_shapes = _bent(candidate, experiment, as_stated, near)
+    stated_shapes = _bent(candidate, experiment, as_stated, initial)
     if not _in_equilibrium(stated_shapes):
-        return [None] * len(numbers)
+        return [None] * len(errors)
     residuals = experiment.observed.misfit(experiment.model, stated_shapes, as_stated).residuals[0]
 
     def change(key: str, part: int, size: float) -> Array | None:
@@ -197,7 +198,7 @@ def changes_by(
                 return np.asarray(misfit.residuals[0] - residuals) / step
         return None
 
-    return [change(*number) for number in numbers]
+    return [change(*error) for error in errors]
 
 
 def _bent(candidate: Candidate, experiment: Experiment, setup: Setup, near: Configuration | None = None) -> Shapes:

@@ -53,7 +53,7 @@ class LinearStates:
         return np.asarray(np.einsum("k,kij->ij", self.weights, self._by_state()))
 
     def score(self, residuals: Array) -> Array:
-        """Return the gradient of minus the log-likelihood for these residuals (mm)."""
+        """Return the gradient of minus the log-likelihood in the unknowns of the fit, for given residuals (mm)."""
         return np.asarray(np.einsum("k,ikgn,kgn->i", self.weights, self.slopes, residuals))
 
     def score_variance(self, observed: Observation) -> Array:

@@ -66,7 +66,7 @@ def draw_noise(
 
 
 def thinned(modulus: Array) -> Rows:
-    """Return the indices of 400 of 4000 draws: every tenth draw, in ascending order of the modulus."""
+    """Sort 4000 draws by their modulus, and return the indices of every tenth of them."""
     stride = _DRAWN // _KEPT
     # Only these 400 draws are stored. The quantiles of the modulus hardly change by the selection.
     return np.asarray(np.argsort(modulus)[stride // 2 :: stride])

@@ -50,7 +50,7 @@ class Explained:
 
 @dataclass(frozen=True)
 class Effect:
-    """The change of the fitted values by an accurate beam model, such as one with a finer mesh."""
+    """How much the fitted values change if a more accurate beam model, such as a finer mesh, is used."""
 
     # The change of the residuals by the accurate model.
     correction: Correction
@@ -63,7 +63,7 @@ class Effect:
 
     @property
     def remaining_share(self) -> float:
-        """The error of the fitted values that remains with the accurate beam model, relative to their change."""
+        """The error of the fitted values with the accurate beam model, divided by their change by this model."""
         return self.correction.refinement.remaining_share if self.share is None else self.share
 
 

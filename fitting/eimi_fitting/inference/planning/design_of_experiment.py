@@ -57,7 +57,7 @@ class KnownLaw:
     parameters: Array
 
     def unknowns(self) -> tuple[Unknowns, Array]:
-        """Return the unknowns of a fit of this law, and their values (from 0 to 1) for the known parameters."""
+        """Return the unknowns of a fit of this law, and its parameters scaled to 0..1 between the bounds of the fit."""
         modulus = float(self.law.initial_shear_modulus(self.parameters))
         space = search_space(self.law)
         # The bounds are 1.5 decades below and above the modulus of the earlier fit.

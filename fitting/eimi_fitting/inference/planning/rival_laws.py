@@ -65,7 +65,7 @@ class Rivals:
         return len(self.square)
 
     def variance(self, choices: Choice) -> Array:
-        """Return the inverse of the expected difference in AIC of two laws, for several choices of load cases."""
+        """Return 1 / (expected difference in AIC of two laws) for each choice of load cases; a plan minimises it."""
         square, score = self.square[choices].sum(axis=1), self.score[choices].sum(axis=1)
         step = np.linalg.solve(self.normal[choices].sum(axis=1) + self.prior, score[..., None])[..., 0]
         return np.asarray(1 / np.maximum(square - np.einsum("di,di->d", score, step), 1e-12))

@@ -36,15 +36,15 @@ ENOUGH = 1e-4  # the last step lowers the objective by less than this share
 
 
 class Evaluation(Protocol):
-    """The objective and the residuals of a fit at several points."""
+    """The objective and the residuals of a fit for several candidate sets of parameters."""
 
     @property
     def objective_mm(self) -> Array:
-        """The objective at each point."""
+        """The objective of each candidate."""
 
     @property
     def misfits(self) -> tuple[Misfit, ...]:
-        """The residuals of each experiment at all points."""
+        """The residuals of each experiment, for all candidate sets of parameters."""
 
 
 E = TypeVar("E", bound=Evaluation)

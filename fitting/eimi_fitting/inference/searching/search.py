@@ -27,46 +27,46 @@ _MODULUS = 0.3  # share of that step in the first coordinate, the modulus, which
 
 
 class Values(Protocol):
-    """The objectives of several points of a search, and whether the points are valid."""
+    """The objectives of several candidates (sets of unknowns), and whether they are valid."""
 
     @property
     def objective_mm(self) -> Array:
-        """The objective of each point; very large if the point is not valid."""
+        """The objective of each candidate; very large if the candidate is not valid."""
 
     @property
     def unconverged(self) -> NDArray[np.bool_]:
-        """For each point, whether the beam has no equilibrium in a load case."""
+        """For each candidate, whether the beam has no equilibrium in a load case."""
 
     @property
     def unstable(self) -> NDArray[np.bool_]:
-        """For each point, whether the material law is unstable in a load case."""
+        """For each candidate, whether the material law is unstable in a load case."""
 
 
 @dataclass(frozen=True)
 class Objectives:
-    """The objectives of the points of one generation of a search."""
+    """The objectives of the candidates of one generation of a search."""
 
     objective_mm: tuple[float, ...]
-    # Number of points without an equilibrium, and with an unstable law.
+    # Number of candidates without an equilibrium, and with an unstable law.
     unconverged: int
     unstable: int
 
 
 @dataclass(frozen=True)
 class Generation:
-    """The progress of a search by CMA-ES after one generation (one set of random points)."""
+    """The progress of a search by CMA-ES after one generation (one set of random candidates)."""
 
     # Number of the run, from 1.
     run: int
     # Smallest objective so far.
     best_mm: float
-    # Mean objective of the valid points.
+    # Mean objective of the valid candidates.
     mean_mm: float
     # Step size sigma of CMA-ES.
     step_size: float
     # Longest over shortest axis of the normal distribution.
     axis_ratio: float
-    # Number of points that are not valid.
+    # Number of candidates that are not valid.
     discarded: int
 
 
@@ -74,7 +74,7 @@ class Generation:
 class Run:
     """One run of CMA-ES, a part of a search."""
 
-    # Number of points in a generation.
+    # Number of candidates in a generation.
     population: int
     # First step size sigma.
     step_size: float
@@ -88,7 +88,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Discards:
-    """The numbers of points of a search without an equilibrium, and with an unstable material law."""
+    """The numbers of candidates that a search discarded: without an equilibrium, and with an unstable material law."""
 
     unconverged: int
     unstable: int
@@ -96,15 +96,15 @@ class Discards:
 
 @dataclass(frozen=True)
 class SearchResult:
-    """The point with the smallest objective that a search found, and the history of the search."""
+    """The candidate with the smallest objective that a search found, and the history of the search."""
 
-    # (n,): coordinates of the point, from 0 to 1, and its objective.
+    # (n,): coordinates of the candidate, from 0 to 1, and its objective.
     unit: Array
     objective_mm: float
     history: tuple[Generation, ...]
     # All runs of CMA-ES.
     runs: tuple[Run, ...]
-    # Number of points in all generations, and number of points that are not valid.
+    # Number of candidates in all generations, and number of candidates that are not valid.
     evaluations: int
     discarded: Discards
 
