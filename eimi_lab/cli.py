@@ -41,7 +41,7 @@ GROUPS: dict[str, tuple[Callable[..., Any], ...]] = {
         *(material_laws.fit, material_laws.tensile, studying.discover, material_laws.validate),
         *(material_laws.simulate, material_laws.export),
     ),
-    "Look": (showing.report, watching.dashboard, watching.phone, publishing.publish, showing.demo, studying.study),
+    "Other": (showing.report, watching.dashboard, watching.phone, publishing.publish, showing.demo, studying.study),
 }
 SERVERS = (bench.emulate, watching.dashboard, watching.phone)
 """Commands that serve a page or an instrument and print text themselves. All other commands return a `Result`."""
@@ -83,7 +83,12 @@ for command in chain.from_iterable(GROUPS.values()):
 def _before_any_command(
     version: Annotated[
         bool,
-        typer.Option("--version", help="print the versions and exit", callback=showing.print_versions, is_eager=True),
+        typer.Option(
+            "--version",
+            help="print the versions of eimi-lab and its packages, and exit",
+            callback=showing.print_versions,
+            is_eager=True,
+        ),
     ] = False,
     log: Annotated[
         str,

@@ -270,7 +270,7 @@ class SupplyDriver(Protocol):
     """
 
     def __call__(self, link: Any, limits: Limits, clock: Clock, /) -> PowerSupply:
-        """Open a supply and return it; `link` is the result of `connect`, or the address if `connect` is absent."""
+        """Open a supply and return it; `link` is an open connection, or the address if the driver opens it itself."""
 
 
 @runtime_checkable
@@ -383,7 +383,7 @@ class SensorDriver(Protocol):
     """
 
     def __call__(self, link: Any, clock: Clock, /) -> Sensor:
-        """Open a sensor and return it; `link` is the result of `connect`, or the address if `connect` is absent."""
+        """Open a sensor and return it; `link` is an open connection, or the address if the driver opens it itself."""
 
 
 class Clock(Protocol):

@@ -264,8 +264,8 @@ class Coil:
     def ramp_down(self, stop_if_asked: Callable[[], None] = never) -> None:
         """Ramp the current to zero within the time `ramp.down_within_s` of the protocol.
 
-        The ramp ends early if the time is too short. There is no ramp if a current or a reading was wrong, or if the
-        supply does not answer. Raises the errors of `PowerSupply.set_current`.
+        If this time is too short, the ramp ends before the current is zero. There is no ramp if a current or a reading
+        was wrong, or if the supply does not answer. Raises the errors of `PowerSupply.set_current`.
         """
         if self.out_of_control or self.unreachable:
             return

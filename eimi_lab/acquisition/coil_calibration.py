@@ -210,7 +210,8 @@ def with_measured_coil(calibration: Calibration, measured: CoilCalibration, toda
     if line.mT_per_A <= 0:
         raise InputError(
             f"{line.probe}: measured {line.mT_per_A:.4g} mT/A, but a positive current should give a positive field: "
-            "turn the probe round, or leave it and set at_magnet = -1 in its table; or swap the leads of the coil"
+            "turn the probe round, or set at_magnet = -1 in the table of this sensor in rig.toml, which reverses the "
+            "sign, or swap the leads of the coil"
         )
     angle = np.radians(calibration.positive_field_deg)
     axis = np.array([np.cos(angle), np.sin(angle)])

@@ -46,10 +46,11 @@ class RunBegun(Event):
     """A run begins; no instrument has been used yet.
 
     `states` is the number of states (load steps), `currents_A` their currents. `resumes` is true if the run continues
-    an earlier run. `guardian` is true if a guardian process switches the coil off if the run dies. `without_contact`
-    tells, in words, what the supply does after its cable is pulled; empty for a simulated supply. `hottest_share` is
-    the largest predicted heat of the coil, as a fraction of the allowed heat; null without a rating of the coil.
-    `interlocks` are the names of the readings whose bounds the run checks.
+    an earlier run. `guardian` is true if a guardian process is ready to switch the coil off when the run dies.
+    `without_contact` tells, in words, what the supply does when its data connection is cut; empty for a simulated
+    supply. `hottest_share` is the largest predicted temperature rise of the coil, divided by its rise after a long time
+    at the rated continuous current; null without a rating of the coil. `interlocks` are the names of the readings whose
+    bounds the run checks.
     """
 
     event: ClassVar[str] = "run_begun"
@@ -76,10 +77,10 @@ class OutputSwitched(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class ShapeChange:
-    """How far the load cycles before a run changed the shape of the beam at one current.
+    """The change of the shape of the beam at one current that the load cycles before the first state caused.
 
-    An image of the still beam after the last load cycle is compared with one after the earlier cycle `since_cycle`; 0
-    means before the first cycle. `tip_moved_px` and `tip_moved_mm` are the distance between the two positions of the
+    An image of the still beam from the last load cycle is compared with an image from the earlier cycle `since_cycle`;
+    0 means before the first cycle. `tip_moved_px` and `tip_moved_mm` are the distance between the two positions of the
     tip (pixels and mm). If the tip is not visible in both images, they are null, and `difference_ratio` is given: the
     difference of the two images, divided by the difference that the noise of the camera alone causes.
     """
@@ -93,10 +94,10 @@ class ShapeChange:
 
 @dataclass(frozen=True, kw_only=True)
 class ConditioningDone(Event):
-    """All load cycles before the run are done.
+    """All load cycles before the first state (load step) are done.
 
-    `cycles` is the number of load cycles. `changes` describes, for each current, how far the cycles changed the beam's
-    shape at rest.
+    `cycles` is the number of load cycles. `changes` describes, for each current, how far the cycles changed the shape
+    of the still beam.
     """
 
     event: ClassVar[str] = "conditioning_done"
@@ -275,7 +276,7 @@ class OffConfirmed(Event):
     `determined_by` is "commanded" if the supply reports a set-point of zero and an output that is off, and "measured"
     if in addition the measured current `current_A` is below the limit `limit_A`. These two currents are null if the
     supply cannot measure. `takeover` is the reason why the guardian switched the coil off; otherwise null. `run_killed`
-    is true if the guardian killed the run before. `address` is the address of the supply; empty if the run switched the
+    is true if the guardian killed the run first. `address` is the address of the supply; empty if the run switched the
     coil off. `remark` describes failures before the coil was off, in words; usually empty.
     """
 
@@ -329,12 +330,12 @@ def off_confirmed(
 
 @dataclass(frozen=True, kw_only=True)
 class OffNotConfirmed(Event):
-    """The coil could not be confirmed off. It may still be on.
+    """It could not be confirmed that the coil is off. The coil may still be on.
 
     `by` is the process that tried to switch the coil off: the run, or the guardian process if the run cannot do it.
     `reason` tells a person why this failed. `current_A` and `limit_A` are the measured current and the limit below
     which the coil counts as off; null if no current was measured. `takeover` is the reason why the guardian tried; null
-    if the run tried. `run_killed` is true if the guardian killed the run before. `trying_process` is the number of the
+    if the run tried. `run_killed` is true if the guardian killed the run first. `trying_process` is the number of the
     process that continues to try; null if no process tries.
     """
 
@@ -350,9 +351,10 @@ class OffNotConfirmed(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class GuardianTookOver(Event):
-    """The guardian process begins to switch the coil off: the run has died, stands still, or cannot do it itself.
+    """The guardian process begins to switch the coil off.
 
-    `takeover` is the reason. `address` is the address of the supply.
+    `takeover` is the reason: the run has died, does not respond any more, or cannot switch the coil off itself.
+    `address` is the address of the supply.
     """
 
     event: ClassVar[str] = "guardian_took_over"
@@ -362,9 +364,10 @@ class GuardianTookOver(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class RunKilled(Event):
-    """The guardian process kills the run, because the run stands still and occupies the connection to the supply.
+    """The guardian process kills the run, because the run does not respond and occupies the connection.
 
-    `reason` tells why the coil could not be switched off before. `address` is the address of the supply.
+    `reason` tells why the guardian process could not switch the coil off before this. `address` is the address of the
+    supply.
     """
 
     event: ClassVar[str] = "run_killed"
@@ -388,9 +391,9 @@ class EmulatedSupplyGone(Event):
 class RunEnded(Event):
     """The run has ended.
 
-    `reason` is the name of the signal that stopped the run, or the type of the error that ended the run; empty if
-    `status` is "completed". `stored` is the number of states (load steps) in the dataset, out of `states`; null if the
-    run failed before the first state.
+    `status` is "completed", "stopped" (by a signal) or "failed" (by an error). `reason` is the name of the signal or
+    the type of the error; empty if `status` is "completed". `stored` is the number of states (load
+    steps) in the dataset, out of `states`; null if the run failed before the first state.
     """
 
     event: ClassVar[str] = "run_ended"

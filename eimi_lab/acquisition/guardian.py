@@ -139,7 +139,7 @@ class Guardian:
         self._send(SUPPLY + json.dumps([identity.text, identity.serial_number]).encode())
 
     def recognise(self) -> None:
-        """Tell the guardian process that a measured current shows that this supply is the supply of the coil."""
+        """Tell the guardian process that this supply drives the coil, because the run measured a current in it."""
         self._send(RECOGNISED)
 
     def beat(self) -> None:

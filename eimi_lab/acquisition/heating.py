@@ -81,7 +81,7 @@ def _stages(protocol: Protocol) -> Iterator[tuple[str, float, float]]:
 class Warming:
     """The heat h (A²) of a coil with the current I and the thermal time constant τ: τ dh/dt = I² − h.
 
-    The coil is cold at the first call of `flows`.
+    The coil is cold (h = 0) until the first current is recorded with `flows`.
     """
 
     def __init__(self, rating: CoilRating) -> None:

@@ -33,7 +33,7 @@ class Heeded(Protocol):
 class Interruption:
     """Methods that the instruments and the writer of the dataset call during long operations.
 
-    Inside `with heeding(run)`, the run reacts to signals in these calls; otherwise they do nothing.
+    Inside `with heeding(run)`, each call lets the run react to a signal such as Ctrl-C; otherwise it does nothing.
     """
 
     def __init__(self) -> None:

@@ -39,7 +39,7 @@ class Bench:
     camera_settings : CameraSettings
         Settings that were read back from the camera.
     cue : Cue
-        Number of the present state (load step), for a recording in place of a camera.
+        Number of the present state (load step); a camera that plays a recording chooses its picture by this number.
     interruption : Interruption
         Lets a signal interrupt long operations of supply and camera.
     relay : callable or None

@@ -1,4 +1,4 @@
-"""Before a run, switch the output of the supply off if it is on, or refuse the supply."""
+"""Before a run, make sure that the output of the supply is off: switch it off, or raise an error."""
 
 from __future__ import annotations
 

@@ -38,9 +38,10 @@ class Pauses:
         self.asked = False
 
     def heeded_by(self, stop_if_asked: Callable[[], None]) -> Callable[[], None]:
-        """Return a function that checks for a request to pause, and then calls `stop_if_asked`.
+        """Return a function that notices a typed request to pause, and then calls `stop_if_asked`.
 
-        After a request, the function sets `asked` and sends `PauseRequested`.
+        A request sets the attribute `asked` and sends the event `PauseRequested`; the run is not yet paused.
+        `stop_if_asked` raises an exception if the run has to stop.
         """
 
         def move_on() -> None:

@@ -55,9 +55,10 @@ class PlayedCamera:
         """Do nothing: a recording has no old frames."""
 
     def grab(self, timeout_s: float) -> Frame:
-        """Return the next frame of the recording, or the picture of the present state (load step) again.
+        """Return the next frame of the recording.
 
-        `timeout_s` is the longest wait for a frame, s. Raises EndOfPlayback at the end of the recording.
+        With `picture_a_state`, return the same picture at each call during a state (load step). `timeout_s` is the
+        longest wait for a frame, s. Raises EndOfPlayback at the end of the recording.
         """
         frame = self._held
         if not self._rule.picture_a_state:

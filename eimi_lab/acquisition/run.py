@@ -144,7 +144,7 @@ def acquire(
     resume : bool
         Whether the run in the dataset `path` is continued.
     take_over : bool
-        Whether an output that is on before the run is switched off; otherwise such a run is refused.
+        Whether to switch off an output that is already on; otherwise the run is refused.
     note : str
         A remark of the person, for the dataset.
     show : Show

@@ -16,16 +16,14 @@ STATES = "states.csv"
 def init(
     folder: Annotated[
         Path,
-        typer.Argument(
-            help="folder in which the templates of the TOML files are written; it may contain images already"
-        ),
+        typer.Argument(help="folder in which the files are written; it may contain images already"),
     ] = Path(),
     force: Force = False,
 ) -> Result:
-    """Write template files for a new beam, to be filled in.
+    """Write templates of the files that describe a new beam.
 
-    The files are specimen.toml, calibration.toml and protocol.toml, with comments, and states.csv. If the folder
-    contains images, states.csv has a row for each image.
+    The files are specimen.toml, calibration.toml and protocol.toml, which contain comments, and states.csv. You then
+    fill in these files. If the folder contains images, states.csv has a row for each image.
     """
     from importlib.resources import files
 

@@ -25,7 +25,9 @@ def instruments(
     try_: Annotated[
         bool,
         typer.Option(
-            "--try", help="test the driver on a real supply without a coil, and write a report and a transcript"
+            "--try",
+            help="test the driver on a real supply without a coil; write a report, and next to it a record of all "
+            "messages",
         ),
     ] = False,
     who: Annotated[
@@ -45,8 +47,9 @@ def instruments(
 ) -> Result:
     """List the attached instruments and their drivers.
 
-    With --try, the driver of one supply is tested. Nothing may be connected to the output of the supply, which is
-    switched on at 1 V for a few seconds. If only one supply is attached, DRIVER and ADDRESS can be left out.
+    With --try, the driver of one supply (the source of the coil's current) is tested. First disconnect everything from
+    the output of the supply. The output is then switched on at 1 V for a few seconds. If only one supply is attached,
+    DRIVER and ADDRESS can be left out.
     """
     from eimi_drivers.discovery import discover
 
@@ -81,20 +84,21 @@ def emulate(
     supply: Annotated[
         str,
         typer.Argument(
-            help="name of the driver of the supply or sensor to emulate: korad, scpi, lakeshore-425, ...; or the "
-            "word bench, to emulate all instruments of the rig in RIG"
+            help="driver of the supply or sensor to emulate: korad, scpi, lakeshore-425, ...; or the word bench, to "
+            "emulate all instruments that RIG names; not needed with --faults"
         ),
     ],
     rig: Annotated[
         str | None,
         typer.Argument(
-            help="only for `emulate bench`, a whole bench: rig.toml, or the name of a shipped rig such as virtual"
+            help="only for `emulate bench`: rig.toml, or the name of a rig that comes with the program, such as virtual"
         ),
     ] = None,
     tcp: Annotated[
         int | None,
         typer.Option(
-            help="accept connections at this TCP port instead of making a pseudo-terminal; 0 chooses a free port",
+            help="accept connections at this TCP port instead of making a virtual serial port (pseudo-terminal); 0 "
+            "chooses a free port",
             min=0,
             max=65535,
         ),
@@ -123,7 +127,7 @@ def emulate(
             "--faults",
             is_eager=True,
             callback=_list_faults,
-            help="print what each fault of --fault does, and what a correct program does then; start no emulator",
+            help="print what each fault of --fault does and what a correct program does then, and exit",
         ),
     ] = False,
     without_coil: Annotated[
@@ -137,7 +141,7 @@ def emulate(
         typer.Option(
             metavar="ADDRESS",
             help="for a gaussmeter: address of the emulated coil whose field the gaussmeter measures; `eimi emulate "
-            "SUPPLY` prints this address in a line that begins with #",
+            "SUPPLY`, which you start before, prints this address in a line that begins with #",
         ),
     ] = None,
     mT_per_A: Annotated[
@@ -152,7 +156,8 @@ def emulate(
         str | None,
         typer.Option(
             metavar="FILE",
-            help="only for `emulate bench`: specimen.toml, or the name of a shipped specimen such as type1",
+            help="only for `emulate bench`: specimen.toml, or the name of a specimen that comes with the program, such "
+            "as type1",
         ),
     ] = None,
     output: Annotated[
@@ -250,7 +255,14 @@ def _serve_bench(
 def acquire(
     protocol: Protocol,
     specimen: Specimen,
-    rig: Annotated[str, typer.Option(metavar="FILE", help="rig.toml, or the name of a shipped rig such as virtual")],
+    rig: Annotated[
+        str,
+        typer.Option(
+            metavar="FILE",
+            help="rig.toml, which names the instruments, or the name of a rig that comes with the program, such as "
+            "virtual",
+        ),
+    ],
     output: Annotated[
         Path | None,
         typer.Option("-o", "--output", metavar="FILE", help="dataset to write; not needed with --dry-run"),
@@ -291,7 +303,7 @@ def acquire(
         typer.Option(hidden=True, help="file descriptors by which the live page exchanges messages with this run"),
     ] = None,
 ) -> Result:
-    """Run a protocol on the bench and store the frames.
+    """Run a protocol on the bench (set-up) and store the frames.
 
     The program sets each current of the protocol, waits until the beam is at rest, and takes frames. At the end of the
     run the coil is switched off, also after an error or Ctrl-C.
@@ -355,7 +367,7 @@ def calibrate_coil(
     steps: Annotated[
         int,
         typer.Option(
-            help="number of currents from zero to the largest current, both included, with equal distances",
+            help="number of currents from zero to the largest current, both included, in equal steps",
             min=2,
             max=200,
         ),
@@ -364,7 +376,7 @@ def calibrate_coil(
 ) -> Result:
     """Measure the field of the coil with a gaussmeter.
 
-    Put the probe at the place of the magnet, and remove the specimen, because its magnet also has a field. The current
+    First remove the specimen, because its magnet also has a field. Then put the probe where the magnet was. The current
     increases in steps and returns to zero; if the supply can reverse the current, this is repeated with the opposite
     sign. The new file is a copy of the rig's calibration, to which the measured coil constant, the measured field
     without a current, their uncertainties, and the table of readings are added.
@@ -419,8 +431,8 @@ def recover(
 ) -> Result:
     """Copy the stored states of a crashed run to a new dataset.
 
-    A state is a load step with its frames. Damaged frames are left out. A damaged dataset of a finished
-    run can also be recovered.
+    A state is a load step with its frames. Damaged frames are left out. A damaged dataset of a finished run can also be
+    recovered.
     """
     from eimi_lab.dataset.recovery import recover as copy_acknowledged
 

@@ -56,8 +56,8 @@ def calibrate(
         str | None,
         typer.Option(
             metavar="FILE",
-            help="specimen.toml of the beam in IMAGES; the known width of this beam gives the scale. With --beam: "
-            "specimen.toml of the beam in the image of --beam",
+            help="specimen.toml of the beam. Without --beam, the scale is computed from the width of the beam in "
+            "IMAGES; with --beam, the specimen is used only to find the clamp",
         ),
     ] = None,
     width_tolerance_mm: Annotated[
@@ -67,7 +67,10 @@ def calibrate(
         tuple[float, float, float, float] | None,
         typer.Option(metavar="X Y X Y", help="two points of a ruler in the image, in px"),
     ] = None,
-    ruler_mm: Annotated[float, typer.Option(help="distance between the two points of --ruler-px, in mm")] = 0.0,
+    ruler_mm: Annotated[
+        float,
+        typer.Option(help="distance between the two points, in mm; needed with --ruler-px", show_default=False),
+    ] = 0.0,
     coil_constant: Annotated[
         float | None,
         typer.Option(help="field of the coil at the magnet, in mT for each ampere", show_default="no coil"),
@@ -80,8 +83,8 @@ def calibrate(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="image of the beam at rest, in which the position of the clamp is measured; --clamp-midpoint-px may "
-            "then be an estimate",
+            help="image of the beam at rest, in which the position of the clamp is measured; then --clamp-midpoint-px "
+            "may be an estimate",
         ),
     ] = None,
     plumb_line: Annotated[
@@ -123,7 +126,7 @@ def calibrate(
 ) -> Result:
     """Measure scale, distortion and orientation from images.
 
-    The images show a board (--board), the beam (--specimen) or a ruler (--ruler-px).
+    The images show a board, the beam or a ruler; give --board, --specimen or --ruler-px.
     """
     from eimi_lab.config.specimen import load_specimen
     from eimi_lab.process.outputs import check_distinct, refuse_existing

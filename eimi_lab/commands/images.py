@@ -47,9 +47,9 @@ def import_(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="states.csv with the loads of each state (load step): the columns frame (or time_s, or state) and "
-            "current_A (or field_mT); if a force acts at the tip, also tip_force_N and tip_force_angle_deg; needed "
-            "except for a motion",
+            help="states.csv with a row for each state (load step). One column identifies the state: frame, time_s or "
+            "state. Other columns give the loads: current_A or field_mT, and, for a force at the tip, tip_force_N and "
+            "tip_force_angle_deg. Not needed if SOURCE contains only a motion",
             show_default=False,
         ),
     ] = None,
@@ -65,7 +65,7 @@ def import_(
         ),
     ] = None,
     no_gravity: Annotated[
-        bool, typer.Option("--no-gravity", help="for tracked points: gravity does not bend the beam")
+        bool, typer.Option("--no-gravity", help="for tracked points: ignore gravity, because it does not bend the beam")
     ] = False,
     average: Annotated[
         bool, typer.Option("--average", help="store the mean frame of each state (load step), not every frame")
@@ -249,7 +249,8 @@ def segment(
         str | None,
         typer.Option(
             metavar="FILE",
-            help="corrected specimen.toml, which replaces the specimen in the dataset; the dataset keeps the old text",
+            help="corrected specimen.toml, which replaces the specimen in the dataset; the old specimen is kept there "
+            "as a record",
         ),
     ] = None,
     calibration: Annotated[
@@ -262,7 +263,10 @@ def segment(
     ] = None,
     csv: Annotated[
         Path | None,
-        typer.Option(metavar="FOLDER", help="folder for the edges as CSV files, and for the flags as quality.json"),
+        typer.Option(
+            metavar="FOLDER",
+            help="folder for the edges as CSV files, and for the flags (failed quality checks) as quality.json",
+        ),
     ] = None,
     overlay: Annotated[
         Path | None, typer.Option(metavar="FOLDER", help="folder for pictures of the frames with their edges")

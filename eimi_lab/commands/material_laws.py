@@ -16,13 +16,15 @@ Laws = Annotated[
     typer.Option(metavar="LAW", help="law to fit: neo-hookean, mooney-rivlin, yeoh or ogden; may be repeated"),
 ]
 FitIndex = Annotated[
-    int | None, typer.Option(help="number of the fit in the file, from 0, if several fits have this law")
+    int | None, typer.Option(help="index of the fit in the file (0 for the first fit), if several fits have this law")
 ]
 
 
 @with_fields(FitOptions)
 def fit(
-    datasets: Annotated[list[Path], typer.Argument(help="one or more datasets, which are fitted together")],
+    datasets: Annotated[
+        list[Path], typer.Argument(help="one or more datasets, which are fitted together unless --each is given")
+    ],
     model: Laws,
     output: Output,
     options: FitOptions,
@@ -118,7 +120,7 @@ def validate(
         bool,
         typer.Option(
             "--by-state",
-            help="also print the error (root mean square distance of measured from simulated edges) of every state "
+            help="also print the error (root mean square distance between measured and simulated edges) of every state "
             "(load step)",
         ),
     ] = False,
@@ -127,7 +129,7 @@ def validate(
     """Compare the predictions of fits with measured datasets.
 
     Every dataset is simulated with every fit. For each dataset, a table lists the fits, and the fit with the smallest
-    error comes first. If there are several datasets, a table of the errors of all fits and specimens follows.
+    error comes first. If there are several datasets, another table gives the errors of all fits for all datasets.
     """
     from eimi_lab.face.using import validate as validate_fits
     from eimi_lab.fits.fit_summary import evidence_remarks
@@ -149,7 +151,8 @@ def tensile(
     curve: Annotated[
         Path,
         typer.Argument(
-            help="CSV file with strain and stress: two columns, or a file of the Soft Robotics Materials Database"
+            help="CSV file with the column strain or strain_percent and the column stress_Pa, stress_kPa or stress_MPa "
+            "(engineering strain and stress), or a file of the Soft Robotics Materials Database"
         ),
     ],
     model: Laws,
@@ -158,7 +161,7 @@ def tensile(
         list[str] | None,
         typer.Option(
             metavar="PERCENT|full",
-            help="largest strain that is fitted, in per cent; full for the whole curve; may be repeated",
+            help='largest strain that is fitted, in per cent, or "full"; repeat the option for several fits',
             show_default="20 50 100 full",
         ),
     ] = None,
@@ -201,13 +204,17 @@ def export(
     index: FitIndex = None,
     bulk_modulus_kPa: Annotated[
         float | None,
-        typer.Option("--bulk-modulus-kPa", help="bulk modulus to export, in kPa; it is never taken from a fit"),
+        typer.Option(
+            "--bulk-modulus-kPa",
+            help="bulk modulus in the card, in kPa. Give this option or --bulk-ratio; a bulk modulus in fits.json is "
+            "not used",
+        ),
     ] = None,
     bulk_ratio: Annotated[
         float | None,
         typer.Option(
             "--bulk-ratio",
-            help="ratio of the exported bulk modulus to the initial shear modulus, instead of --bulk-modulus-kPa",
+            help="instead of --bulk-modulus-kPa: bulk modulus in the card divided by the initial shear modulus",
         ),
     ] = None,
     force: Force = False,
@@ -238,14 +245,15 @@ def simulate(
         list[str] | None,
         typer.Option(
             metavar="KEY=NUMBER",
-            help="parameter of the law, such as mu_Pa=46390; may be repeated",
+            help="parameter of the law: mu_Pa for neo-hookean; C10_Pa and C01_Pa for mooney-rivlin; C10_Pa, C20_Pa and "
+            "C30_Pa for yeoh; mu1_Pa, alpha1, ..., mu3_Pa and alpha3 for ogden; may be repeated",
         ),
     ] = None,
     fit: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="fits.json whose parameters are used instead of --parameter; the positions of the tip then have "
+            help="fits.json whose parameters are used instead of --parameter; the positions of the tip then have 95 % "
             "intervals",
         ),
     ] = None,
@@ -271,7 +279,7 @@ def simulate(
         float | None,
         typer.Option(
             "--bulk-modulus-kPa",
-            help="bulk modulus in kPa; only if the cross-section is modelled as solid or in plane strain",
+            help="bulk modulus in kPa; only if the section in the specimen file is solid or plane-strain",
             show_default="incompressible",
         ),
     ] = None,
@@ -279,8 +287,8 @@ def simulate(
 ) -> Result:
     """Simulate a specimen with a known law.
 
-    The output folder contains CSV files (shapes, position of the tip against the field, stretches), a figure, and VTU
-    files for ParaView.
+    The output folder contains CSV files (shapes, position of the tip as a function of the field, stretches), a figure,
+    and VTU files for ParaView.
     """
     from eimi_lab.face.using import simulate as simulate_beam
 

@@ -23,7 +23,10 @@ class MotionOptions(PictureOptions):
     """Options of `eimi import` for a ring-down (free vibration of the beam) or creep under a constant load."""
 
     ring_down: Annotated[
-        bool, typer.Option("--ring-down", help="SOURCE shows a beam that swings freely after a flick or a release")
+        bool,
+        typer.Option(
+            "--ring-down", help="SOURCE shows a beam that swings freely after a short push (flick) or a release"
+        ),
     ] = False
     creep: Annotated[bool, typer.Option("--creep", help="SOURCE shows a beam that creeps under a constant load")] = (
         False
@@ -42,7 +45,7 @@ class MotionOptions(PictureOptions):
             metavar="S",
             help="for --ring-down or --creep: time in the file, in seconds, at which the beam was released or its load "
             "changed",
-            show_default="last frame with at least 97 % of the largest deflection",
+            show_default="time of the last frame with at least 97 % of the largest deflection",
         ),
     ] = None
     hanging: Annotated[
@@ -50,13 +53,14 @@ class MotionOptions(PictureOptions):
         typer.Option(
             metavar="N",
             help="for --ring-down or --creep: weight that hangs at the tip during the motion, in newtons; without "
-            "--removed, a creep is taken to begin when this weight is hung on the beam",
+            "--removed, the program assumes that the creep begins when this weight is hung on the beam",
         ),
     ] = None
     removed: Annotated[
         float | None,
         typer.Option(
-            metavar="N", help="for --ring-down or --creep: weight that was taken from the tip at the time of --released"
+            metavar="N",
+            help="for --ring-down or --creep: weight in newtons that was taken from the tip at the time of --released",
         ),
     ] = None
     exposure: Annotated[

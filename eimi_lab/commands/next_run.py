@@ -15,18 +15,27 @@ def plan(
     fits: Annotated[
         Path, typer.Argument(help="fits.json of an earlier run; the law and the noise in this file are used")
     ],
-    protocol: Annotated[str, typer.Argument(help="protocol.toml whose [limits], [ramp] and [settle] are used again")],
+    protocol: Annotated[
+        str,
+        typer.Argument(
+            help="protocol.toml whose limits, ramp (rate of the current) and settle (wait until the beam is at rest) "
+            "the new protocol keeps"
+        ),
+    ],
     specimen: Annotated[
         list[str],
         typer.Option(
             metavar="FILE",
-            help="specimen.toml, or the name of a shipped specimen; repeat the option to compare specimens",
+            help="specimen.toml, or the name of a specimen that comes with the program; repeat the option to compare "
+            "specimens",
         ),
     ],
     rig: Annotated[
         str,
         typer.Option(
-            metavar="FILE", help="rig.toml whose limits and uncertainties are used, or the name of a shipped rig"
+            metavar="FILE",
+            help="rig.toml, or the name of a rig that comes with the program; the uncertainties of the rig are used, "
+            "and the smaller of the limits of the current in rig and protocol",
         ),
     ],
     output: Annotated[
@@ -42,8 +51,8 @@ def plan(
         str,
         typer.Option(
             metavar="modulus|PARAMETER|LAW",
-            help="what the run should determine: the modulus, a parameter of the law, or whether the measurement can "
-            "rule out the law LAW",
+            help="aim of the run: to determine the modulus or a parameter of the law, or to distinguish the law from "
+            "LAW, another law in fits.json",
         ),
     ] = "modulus",
     model: Annotated[
@@ -70,10 +79,10 @@ def plan(
     ] = False,
     force: Force = False,
 ) -> Result:
-    """Choose the currents to measure next and write a protocol.
+    """Propose the currents of the next run and write its protocol.
 
-    The table lists the possible runs, the best run first. For each run, it gives the expected result for --goal, such
-    as the half-width of the 95 % interval of the modulus.
+    The command prints a table of the possible runs, with the best run first. For each run, the table gives the expected
+    result for --goal, such as the half-width of the 95 % interval of the modulus.
     """
     from eimi_lab.face.using import plan as plan_run
     from eimi_lab.fits import planning

@@ -30,7 +30,7 @@ class PictureOptions:
         str | None,
         typer.Option(
             metavar="X,Y,WIDTH,HEIGHT",
-            help="part of the image in which the beam is searched: left, top, width and height, in px",
+            help="part of the image in which the program searches for the beam: left, top, width and height, in px",
         ),
     ] = None
     polarity: Annotated[

@@ -29,9 +29,9 @@ def publish(
 ) -> Result:
     """Archive datasets, results and material cards.
 
-    The archive is a zip file in the format RO-Crate 1.1, which electronic lab notebooks can read (.eln). It contains
-    the given files, the TOML files of each run, the hash of every file and the versions of the programs. After writing,
-    the archive is read again and every hash is checked.
+    The archive is a zip file with the ending .eln in the format RO-Crate 1.1 (files and their description), which
+    electronic lab notebooks can read. It contains the given files, the TOML files of each run, the hash of every file
+    and the versions of the programs. After writing, the archive is read again and every hash is checked.
     """
     from eimi_lab.config.people import load_people
     from eimi_lab.process.errors import tell

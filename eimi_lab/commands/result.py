@@ -15,9 +15,7 @@ from eimi_lab.process.paths import reachable
 
 _OPTIONS = {
     "as_json": Annotated[bool, typer.Option("--json", help="print the result as JSON")],
-    "quiet": Annotated[
-        bool, typer.Option("--quiet", help="print no progress and no result; with --json, print the result as JSON")
-    ],
+    "quiet": Annotated[bool, typer.Option("--quiet", help="print no progress; print the result only with --json")],
 }
 
 

@@ -13,10 +13,14 @@ import typer
 from eimi_lab.commands.result import Result
 
 Protocol = Annotated[
-    str, typer.Argument(help="protocol.toml, or the name of a shipped protocol such as dragon_skin_10")
+    str,
+    typer.Argument(help="protocol.toml, or the name of a protocol that comes with the program, such as dragon_skin_10"),
 ]
 Specimen = Annotated[
-    str, typer.Option(metavar="FILE", help="specimen.toml, or the name of a shipped specimen such as type1")
+    str,
+    typer.Option(
+        metavar="FILE", help="specimen.toml, or the name of a specimen that comes with the program, such as type1"
+    ),
 ]
 Output = Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="file to write")]
 Workers = Annotated[

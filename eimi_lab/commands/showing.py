@@ -53,8 +53,8 @@ def report(
 ) -> Result:
     """Write an HTML report of datasets and their fits.
 
-    The report is one HTML file. It shows the modulus and what limits its accuracy, the laws, errors, frames, residuals
-    and methods.
+    The report is one HTML file. It shows the modulus and the main sources of its uncertainty. It also shows the laws,
+    errors, frames, residuals and methods.
     """
     from eimi_lab.process.outputs import check_distinct, refuse_existing
     from eimi_lab.process.progress import progress
@@ -91,19 +91,23 @@ def demo(
         bool,
         typer.Option("--quick", help="save time: measure fewer states of the beam, and fit only neo-hookean"),
     ] = False,
-    seed: Annotated[int, typer.Option(help="seed of the random numbers of the search", min=1)] = 1,
+    seed: Annotated[int, typer.Option(help="seed of the random numbers of the fits", min=1)] = 1,
     rig: Annotated[
-        str, typer.Option(metavar="FILE", help="rig.toml of a virtual rig, or the name of a shipped virtual rig")
+        str,
+        typer.Option(
+            metavar="FILE", help="rig.toml of a virtual rig, or the name of a virtual rig that comes with the program"
+        ),
     ] = "virtual",
     output: Annotated[Path, typer.Option("-o", "--output", metavar="FOLDER", help="folder to write")] = Path(
         "eimi-demo"
     ),
     force: Force = False,
 ) -> Result:
-    """Measure and fit a virtual specimen; compare with its true law.
+    """Measure and fit a virtual specimen, whose true law is known.
 
     The program acquires a dataset on a virtual rig, finds the edges, fits laws and writes the report. None of these
-    steps uses the true law of the specimen.
+    steps uses the true law of the specimen. The program then prints the difference of each fitted modulus from the true
+    modulus.
     """
     from eimi_lab.demonstration import demonstrate
     from eimi_lab.process.progress import progress

@@ -22,7 +22,8 @@ def discover(
     tensile_window: Annotated[
         str,
         typer.Option(
-            metavar="PERCENT|full", help="largest strain of the tensile curves, in per cent; full for the whole curves"
+            metavar="PERCENT|full",
+            help="largest strain of the tensile curves that is fitted, in per cent; full for the whole curves",
         ),
     ] = "full",
     term: Annotated[
@@ -30,7 +31,8 @@ def discover(
         typer.Option(
             metavar="i1|i2|i1^2|i1^3|gent=JM|fung=B|ogden=ALPHA",
             help="one term of the strain energy that the program may select: I1 - 3 or a power of it (i1, i1^2, i1^3), "
-            "I2 - 3 (i2), or a Gent, Fung or Ogden term with its number, such as gent=20; repeat it for each term",
+            "I2 - 3 (i2), or a Gent, Fung or Ogden term with its fixed constant Jm, b or alpha, such as gent=20; "
+            "repeat the option for each term",
             show_default="i1 i2 i1^2 i1^3 gent=20 fung=0.2 ogden=-4 ogden=8",
         ),
     ] = None,
@@ -38,22 +40,27 @@ def discover(
     lot: Annotated[
         float,
         typer.Option(
-            help="how much the moduli of beam and tensile specimen may differ because they were cast separately: "
-            "standard deviation of the difference, as a fraction of the modulus",
+            help="how much the moduli of beam and tensile specimen may differ because they come from different lots "
+            "(castings): standard deviation of the difference, as a fraction of the modulus",
             min=0.0,
         ),
     ] = 0.02,
     section: Section = None,
     include_flagged: IncludeFlagged = False,
     seed: Annotated[
-        int, typer.Option(help="seed of the random numbers of the search for the initial value of the modulus", min=1)
+        int,
+        typer.Option(
+            help="seed of the random numbers of the first (neo-hookean) fit, which gives the initial value of the "
+            "modulus",
+            min=1,
+        ),
     ] = 1,
     force: Force = False,
 ) -> Result:
     """Select the terms of a material's law by cross-validation.
 
-    Each law is fitted to a part of the data, and laws are compared by their error on the other data. The result says
-    whether the data distinguish the laws.
+    A law is a sum of terms. Each law is fitted to a part of the data, and the laws are compared by their error on the
+    other data. The result says whether the data distinguish the laws.
     """
     from eimi_lab.face.discovering import discover as discover_terms
     from eimi_lab.fits.discovering import lines
@@ -86,7 +93,8 @@ def study(
     tensile_data: Annotated[
         Path | None,
         typer.Option(
-            metavar="FOLDER", help="folder with published tensile tests, the files dragon*.csv and ecoflex*.csv"
+            metavar="FOLDER",
+            help="folder with published tensile tests (dragon*.csv and ecoflex*.csv), to which the laws are fitted too",
         ),
     ] = None,
     seed: Annotated[int, typer.Option(help="seed of the random numbers of all searches")] = 1,
@@ -95,8 +103,8 @@ def study(
     """Evaluate fits of virtual specimens whose law is known.
 
     The fits receive only edges and tensile curves. The true material is used only to simulate these data and to compute
-    the errors of the fits. The study repeats the evaluation by Di Lecce et al. (2022). After an interruption, the same
-    command continues the study.
+    the errors of the fits. The study repeats the evaluation by Di Lecce et al. (2022, doi 10.3389/frobt.2021.790571).
+    After an interruption, the same command continues the study.
     """
     from dataclasses import asdict
 

@@ -27,7 +27,10 @@ class ImportOptions(MotionOptions):
         ),
     ] = None
     unit: Annotated[
-        str | None, typer.Option(metavar="mm|cm|m|in|px", help="for tracked points: unit of the file and of --clamp")
+        str | None,
+        typer.Option(
+            metavar="mm|cm|m|in|px", help="for tracked points: unit of the file; --clamp is then also in this unit"
+        ),
     ] = None
     pixels_per_mm: Annotated[
         float | None, typer.Option(help="for tracked points in px without --calibration: scale in pixels per mm")
@@ -37,7 +40,11 @@ class ImportOptions(MotionOptions):
         typer.Option(help="for tracked points: standard deviation of a coordinate, in the unit of the file"),
     ] = None
     rest: Annotated[
-        int | None, typer.Option(help="for tracked points: number of the frame in which the beam is straight")
+        int | None,
+        typer.Option(
+            help="for tracked points: number of the frame in which the beam is straight, as the tracking program "
+            "counts it"
+        ),
     ] = None
     plane: Annotated[
         str | None,

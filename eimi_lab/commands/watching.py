@@ -24,8 +24,8 @@ def dashboard(
         bool,
         typer.Option(
             "--open-to-network",
-            help="allow a --host that other computers can reach: everybody who has the printed address with its token "
-            "can see the images and control the coil, and the connection is not encrypted",
+            help="allow a --host that other computers can reach: everybody who has the printed address, which contains "
+            "a secret token, can see the images and control the coil, and the connection is not encrypted",
         ),
     ] = False,
     browser: Annotated[bool, typer.Option("--browser", help="also open the page in the browser")] = False,
@@ -50,7 +50,7 @@ def phone(
     ] = False,
     browser: Annotated[bool, typer.Option(help="open the page in the browser")] = True,
 ) -> None:
-    """Serve a page for photographs of a beam with weights.
+    """Serve a page to measure photographs of a beam under weights.
 
     The command opens the page "Weights and a phone" in the browser, and serves this page until Ctrl-C. On the page you
     click the clamp, the tip and two ticks of a ruler, and type the dimensions and the weights in grams. The page writes

@@ -39,7 +39,7 @@ class Picture(Table):
     """The table [picture] of a calibration: hints for finding the beam in the pictures, such as its colour."""
 
     region_px: Quad | None = None
-    """Left, top, width and height of the part of the picture in which the beam is searched."""
+    """Left, top, width and height of the part of the picture in which the program searches for the beam."""
     polarity: Literal["dark", "bright"] | None = None
     """dark or bright: whether the beam is darker or brighter than its surroundings."""
     channel: Literal["red", "green", "blue", "grey"] | None = None
@@ -83,11 +83,11 @@ class Calibration(Document):
     """Direction of gravity, clockwise from +x of the picture; 90 is down."""
     gravity: bool = True
     """false if the weight does not bend the beam, because the beam bends in a horizontal plane. A tip force without an
-    angle has the direction gravity_angle_deg even then.
+    angle acts in the direction gravity_angle_deg, also with gravity = false.
     """
     field_angle_deg: Angle | None = None
-    """Direction of the field of a positive current, clockwise from +x of the picture; across the beam. The key is
-    required with coil_constant_mT_per_A.
+    """Direction of the field of a positive current, clockwise from +x of the picture. This direction must be at
+    least 30 degrees from the axis of the beam. The key is required with coil_constant_mT_per_A.
     """
     background_field_mT: Pair | None = None
     """Field at the magnet without a current, such as the field of the earth: the components to the right and down in
@@ -103,18 +103,19 @@ class Calibration(Document):
     """Distance from the entrance pupil of the lens to the middle plane of the beam."""
     camera_tilt_deg: Pair | None = None
     """Angles between the plane of the beam and the plane of the sensor. The first angle is positive if the beam is
-    nearer to the camera at the right of the picture, the second if it is nearer at the bottom. Needs stand_off_mm.
+    nearer to the camera at the right of the picture, the second if it is nearer at the bottom. This key needs
+    stand_off_mm.
     """
     ruler_px: Annotated[tuple[Pair, Pair], Field(strict=False)] | None = None
-    """Positions of two ticks of the ruler with which the scale was measured. A correction of camera_tilt_deg does not
-    change the distance between these ticks.
+    """Positions of two ticks of the ruler with which the scale was measured. When the program takes the tilt of the
+    camera into account, it keeps the distance between these ticks.
     """
     telecentric: bool = False
     """true for a telecentric lens, which needs no stand_off_mm."""
     calibrated_on: date | None = None
     """The day on which the values were measured."""
     uncertainty: OfCalibration | None = None
-    """Standard uncertainties, with the keys of the values. 0 means exact; an absent key means unknown."""
+    """Standard uncertainties, most with the keys of the values. 0 means exact; an absent key means unknown."""
     picture: Picture | None = None
     """Information that helps the program to find the beam in the pictures."""
 
@@ -153,9 +154,9 @@ class Calibration(Document):
 
     @property
     def positive_field_deg(self) -> float:
-        """Direction of the field of a positive current in the picture, in degrees clockwise from +x.
+        """Direction of the field of a positive current, in degrees clockwise from the x-axis of the picture.
 
-        Without `field_angle_deg`, the direction is 90° counter-clockwise from the beam axis.
+        By default, the direction is 90° counter-clockwise from the straight beam.
         """
         return self.axis_angle_deg - 90.0 if self.field_angle_deg is None else self.field_angle_deg
 

@@ -43,7 +43,7 @@ class CoilShapeTable(Table):
     """
     map: Annotated[tuple[Row, ...], Field(strict=False, max_length=_MOST_ROWS)] | None = None
     """Measured field: name of a CSV file in the same folder, with the columns x_mm, y_mm, bx_mT and by_mT at the points
-    of a rectangular grid. A dataset contains the rows of the file.
+    of a rectangular grid. The program copies the rows of the file into the dataset.
     """
     gradient_per_m: Pair | None = None
     """Relative change of the strength of the field per metre along and across the beam. The gradient can be given

@@ -72,7 +72,9 @@ class TrueBench(Table):
     magnetisation_angle_deg: float = Field(default=0.0, ge=-180.0, le=180.0)
     """Angle between the true magnetisation and the direction in the specimen file."""
     cast_bend_mm: float = 0.0
-    """Offset of the centre line at the end of the flexible part, for a beam that was cast with a constant curvature."""
+    """Offset of the centre line at the end of the flexible part, for a beam that was cast with a constant curvature.
+    The flexible part is the part between the clamp and the magnet.
+    """
     taper_mm: float = 0.0
     """Change of the width from the clamp to the end of the flexible part."""
     coil_constant_mT_per_A: float | None = Field(default=None, gt=0)

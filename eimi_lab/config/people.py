@@ -37,7 +37,7 @@ class Person(Table):
     family_name: Annotated[str, Field(min_length=1)]
     """Last name."""
     orcid: Annotated[str, AfterValidator(_orcid)] | None = None
-    """ORCID iD, of which the program checks the check digit."""
+    """ORCID iD. The program tests its last character, which is a check digit."""
     affiliation: str | None = None
     """Name of the institution."""
     email: str | None = None
@@ -52,6 +52,6 @@ class People(Document):
 
 
 def load_people(path: str | Path) -> People:
-    """Read people.toml. Raises InputError if the file cannot be read, or if a key or value is wrong."""
+    """Read the authors from people.toml. Raises InputError if the file cannot be read, or if a value is wrong."""
     file = Path(path)
     return parse(People, read_text(file), file)

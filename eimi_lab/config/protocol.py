@@ -30,8 +30,8 @@ class Currents(Table):
     up_and_down: bool = False
     """Whether the run returns through the same set-points to the first set-point."""
     both_polarities: bool = False
-    """Whether the run then repeats all states with the opposite sign of the current. If the supply cannot reverse the
-    current, the run pauses and asks the user to swap the leads of the coil.
+    """Whether the run afterwards repeats all states, except those at zero current, with the opposite sign of the
+    current. If the supply cannot reverse the current, the run pauses and asks the user to swap the leads of the coil.
     """
 
     @model_validator(mode="after")
@@ -116,22 +116,20 @@ class Settle(Table):
     """The criterion by which the program decides from consecutive frames that the beam is at rest."""
 
     noise_ratio: float = Field(gt=1)
-    """Limit of the mean squared difference between two frames, divided by the value that camera noise alone causes. For
-    a beam at rest the ratio is 1.
+    """Largest permitted ratio of the mean squared difference between two frames to the value that camera noise alone
+    causes. For a beam at rest, this ratio is 1.
     """
     pairs: int = Field(ge=1)
-    """Number of successive pairs of frames whose mean squared difference, divided by the value that camera noise alone
-    causes, must be below noise_ratio.
-    """
+    """Number of successive pairs of frames whose ratio (see noise_ratio) must be at most noise_ratio."""
     drift_window_s: float = Field(gt=0)
-    """Time between two further frames whose mean squared difference, divided by the value that camera noise alone
-    causes, must be below noise_ratio. This test detects creep.
+    """Time between the two frames of an additional pair, whose ratio must also be at most noise_ratio. This test
+    detects creep.
     """
     dwell_s: float = Field(default=0.0, ge=0, le=3600)
     """Shortest duration of a state after its current was set. To record creep, give about 60 s."""
     timeout_s: float = Field(gt=0)
-    """Longest time to wait for the beam. If the beam is not at rest then, the frames are taken, and the state gets the
-    flag NOT_SETTLED.
+    """Longest time to wait for the beam. If the beam is not at rest after this time, the frames are taken nevertheless,
+    and the state gets the flag NOT_SETTLED.
     """
 
     @model_validator(mode="after")
@@ -221,10 +219,11 @@ class Protocol(Document):
     conditioning: Conditioning | None = None
     """Cycles of the current before the run, because silicone softens when it is stretched for the first time."""
     ring_down: RingDown | None = None
-    """Steps of the current to zero after the last state, of which every frame is stored."""
+    """Ring-downs after the last state: the current steps to zero, and every frame of the free vibration is stored."""
     creep: bool = False
-    """Whether creep is recorded: frames at logarithmically spaced times are stored during each whole state, after its
-    current was set. transients.frames_per_state is the number of frames, and settle.dwell_s the shortest duration.
+    """Whether creep is recorded: frames at logarithmically spaced times are stored from the change of the current to
+    the end of each state. transients.frames_per_state is the number of frames, and settle.dwell_s the shortest
+    duration.
     """
 
     @model_validator(mode="before")

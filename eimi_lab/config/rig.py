@@ -47,8 +47,8 @@ class Supply(Table):
     limits: SupplyLimits
     """Largest current and voltage that the coil tolerates. The protocol also has limits; the smaller value applies."""
     off_below_A: float | None = Field(default=None, gt=0)
-    """Measured current below which the coil counts as off. The default is 20 mA, or more for supplies that measure a
-    larger current at zero even if they are not faulty.
+    """Measured current below which the coil counts as off. The default is 20 mA. The default is larger for supplies
+    whose measured current is normally larger although no current flows.
     """
 
     @field_validator("driver")
@@ -95,8 +95,8 @@ class Camera(Table):
     driver: str
     """opencv, basler, aravis, gentl, virtual, or the name of a driver from another package."""
     source: int | str
-    """The camera: the number of a device, a path, a serial number, the IP address of a GigE camera, or the address of
-    an emulated coil.
+    """The camera: the number of a device, a path, a serial number, or the IP address of a GigE camera. For the virtual
+    camera with a supply of `eimi emulate`: the address that `eimi emulate` prints.
     """
     exposure_s: float | None = Field(default=None, gt=0)
     """Exposure time. This and all other settings are written to the camera and read back. If a setting is absent, the
@@ -113,8 +113,8 @@ class Camera(Table):
     bit_depth: int | None = Field(default=None, ge=8, le=16)
     """Bits per pixel, 8 to 16."""
     frame_rate_Hz: float | None = Field(default=None, gt=0)
-    """Frames per second of a camera without trigger, which is needed to record a ring-down at a constant rate. By
-    default, the driver decides when the camera exposes.
+    """Frames per second, for a camera without trigger. A ring-down at a constant rate needs this key, or
+    ring_down.rate_Hz in the protocol. By default, the driver decides when the camera exposes.
     """
     pixel_format: str | None = None
     """Pixel format of a GenICam camera, such as "Mono12Packed" or "BayerRG8"."""
@@ -225,7 +225,7 @@ class Rig(Document):
     supply: Supply
     """The power supply of the coil."""
     camera: Camera
-    """The side camera."""
+    """The camera that takes the pictures of the beam."""
     calibration: Calibration
     """Name of the calibration file, which is in the same folder."""
     coil: CoilRating | None = None
@@ -253,8 +253,8 @@ class Rig(Document):
         if virtual_camera and not self.simulated and not ADDRESS.fullmatch(str(self.camera.source)):
             raise ValueError(
                 f"camera.source = {self.camera.source!r} should be the address that `eimi emulate` prints, such as "
-                "TCPIP::127.0.0.1::5555::SOCKET, so that the virtual camera films a beam in the coil of the emulated "
-                "supply; if this program simulates the supply, use supply.driver = 'virtual'"
+                "TCPIP::127.0.0.1::5555::SOCKET; the virtual camera then films a beam in the coil of the emulated "
+                "supply; without `eimi emulate`, use supply.driver = 'virtual'"
             )
         if virtual_camera != (self.virtual is not None):
             raise ValueError(

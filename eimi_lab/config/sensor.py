@@ -32,9 +32,9 @@ class RigSensor(Table):
     name: str = Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")
     """Name of the sensor in the dataset and in [[interlocks]]: small letters, digits and underscores."""
     driver: str
-    """lakeshore-425, lakeshore-475, fwbell-5080, text-line, or the name of a driver from another package.
-    coil-resistance measures the temperature of the coil by its resistance, from the voltage and the current of the
-    supply.
+    """lakeshore-425, lakeshore-475, fwbell-5080, text-line, coil-resistance, or the name of a driver from another
+    package. The driver coil-resistance computes the temperature of the coil from the resistance of the coil, which is
+    the measured voltage of the supply divided by the measured current.
     """
     address: str = Field(min_length=1)
     """A serial port or a VISA resource; "virtual" for an emulated sensor of the virtual rig; "supply" for the driver
@@ -42,8 +42,8 @@ class RigSensor(Table):
     """
     measures: Quantity = "other"
     """The measured quantity. field: the field along the axis of the coil, positive for a positive current; a fit uses
-    these readings instead of coil_constant_mT_per_A. specimen_temperature, coil_temperature. other: the readings are
-    only stored, and can have an interlock.
+    these readings instead of coil_constant_mT_per_A. specimen_temperature or coil_temperature: the temperature of the
+    specimen or of the coil. other: the readings are only stored, and can have an interlock.
     """
     at_magnet: float = 1.0
     """Field at the magnet divided by the field at the probe; negative if the probe points in the opposite direction."""
@@ -52,8 +52,8 @@ class RigSensor(Table):
     reports.
     """
     uncertainty_share: float | None = Field(default=None, ge=0, le=0.5)
-    """Relative standard uncertainty of a factor that is common to all readings: calibration of the probe, and
-    at_magnet.
+    """Relative standard uncertainty from the calibration of the probe and from at_magnet. The error is the same for all
+    readings.
     """
 
     at_rest_degC: float | None = Field(default=None, gt=-50, lt=100)
@@ -87,8 +87,8 @@ class RigSensor(Table):
         keys = (self.at_rest_degC, self.at_rest_A)
         if self.is_coil and (None in keys or self.address != SUPPLY or self.measures != "coil_temperature"):
             raise ValueError(
-                f'driver = "{self.driver}" needs address = "{SUPPLY}", measures = "coil_temperature", at_rest_degC and '
-                "at_rest_A"
+                f'driver = "{self.driver}" needs address = "{SUPPLY}", measures = "coil_temperature", at_rest_degC '
+                "(temperature before the run) and at_rest_A (current with which the resistance is then measured)"
             )
         if not self.is_coil and keys != (None, None):
             raise ValueError(f'at_rest_degC and at_rest_A are only for driver = "{CoilThermometer.name}"')

@@ -18,9 +18,11 @@ class Optics:
     vignette: float = 0.15
     """Loss of light in the corners of the picture, as a fraction of the light in the middle."""
     gradient: float = 0.10
-    """Loss of light from one corner of the picture to the opposite corner, as a fraction of the light."""
+    """Loss of light from one corner of the picture to the opposite corner, as a fraction of the light in the brighter
+    corner.
+    """
     lumps: float = 0.0
-    """Largest deviation of the back-light in smooth irregular patches, as a fraction of the light."""
+    """Largest relative deviation of the back-light, which is brighter or darker in random areas with smooth borders."""
     silicone_transmission: float = 0.06
     """Fraction of the back-light that passes through the silicone."""
     magnet_transmission: float = 0.01
@@ -30,7 +32,7 @@ class Optics:
     bits: int = 8
     """Bit depth of the image, 8 to 16."""
     gamma: float = 1.0
-    """Exponent: the camera stores the intensity of the light to the power 1/gamma. Measurements need 1."""
+    """Exponent: the camera stores the intensity of the light to the power 1/gamma. For measurements, give 1."""
 
     def __post_init__(self) -> None:
         shares = ("vignette", "gradient", "lumps", "silicone_transmission", "magnet_transmission")

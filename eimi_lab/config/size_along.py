@@ -23,7 +23,7 @@ class SizeAlong(float):
     rows: Rows
 
     def __new__(cls, rows: Rows) -> SizeAlong:
-        """Create the width or depth from its rows; as a number, it is the mean along the beam, mm."""
+        """Return the mean size along the beam (mm), a number that also stores `rows` (arc length, size)."""
         along, sizes = np.array(rows).T
         size = super().__new__(cls, np.trapezoid(sizes, along) / (along[-1] - along[0]))
         size.rows = rows

@@ -76,7 +76,9 @@ class Beam(Table):
     """The beam in the shape in which it was cast."""
 
     name: str = Field(min_length=1)
-    """Name of the specimen. The errors of its dimensions are the same in all datasets with this name."""
+    """Name of the specimen. The program assumes that the measured dimensions have the same errors in all datasets with
+    this name.
+    """
     material: str = Field(min_length=1)
     """Material of the beam; it must be equal to the material in the protocol."""
     length_mm: Annotated[float, Field(gt=0), AfterValidator(_long_in_millimetres)]
@@ -99,14 +101,14 @@ class Beam(Table):
     "plane-stress" and "plane-strain".
     """
     magnetisation_kA_per_m: Annotated[tuple[float, float], Field(strict=False)] = (0.0, 0.0)
-    """Magnetisation of silicone that was cast with magnetic powder: the components along and across the beam at
-    rest.
+    """Magnetisation of silicone that was cast with magnetic powder: the components along and across the unloaded
+    beam.
     """
     rest_shape: Literal["measured", "straight"] | CentreLine = MEASURED
-    """Shape of the beam without load. "measured": from the edges in the states without field and tip force; gravity
-    must act along the beam. "straight": a straight beam with the width in width_mm. A centre line of another shape is
-    given as points [x, y] from the clamp to the tip, or as the name of a CSV file in the same folder, with the columns
-    x_mm and y_mm.
+    """Shape of the beam without load. "measured": from the edges in the states that have neither a field nor a tip
+    force; gravity must act along the beam. "straight": a straight beam with the width in width_mm. A centre line of
+    another shape is given as points [x, y] from the clamp to the tip, or as the name of a CSV file in the same folder,
+    with the columns x_mm and y_mm.
     """
     measured_with: str | None = Field(default=None, min_length=1)
     """Name of the instrument that measured the lengths. The error of the instrument is the same for all specimens with
@@ -130,9 +132,9 @@ class Magnet(Table):
     tip_offset_mm: float = Field(default=0.0, ge=0)
     """Length of silicone between the magnet and the tip."""
     magnetisation_angle_deg: float = Field(default=0.0, ge=-180.0, le=180.0)
-    """Direction of the magnetisation at rest: 0 is along the beam toward the tip, and 90 is the direction of the field
-    of a positive current. Data sheets give an uncertainty of 3 to 5 degrees; 1 degree changes the modulus by 3 to
-    5 %.
+    """Direction of the magnetisation in the unloaded beam: 0 is along the beam toward the tip, and 90 is the direction
+    of the field of a positive current. Data sheets give an uncertainty of 3 to 5 degrees; 1 degree changes the modulus
+    by 3 to 5 %.
     """
 
 
@@ -140,9 +142,9 @@ class TipLoad(Table):
     """The point of the beam at which a tip force acts."""
 
     x_mm: float | None = None
-    """Distance of the point from the clamp, along the beam at rest; by default ``length_mm``."""
+    """Distance of the point from the clamp, along the unloaded beam; by default ``length_mm``."""
     y_mm: float = 0.0
-    """Distance of the point from the centre line, across the beam at rest."""
+    """Distance of the point from the centre line, across the unloaded beam."""
 
 
 class SpecimenFile(Document):
@@ -155,8 +157,8 @@ class SpecimenFile(Document):
     tip_load: TipLoad | None = None
     """Point at which a tip force acts; by default the middle of the tip."""
     uncertainty: OfSpecimen | None = None
-    """Standard uncertainties, with the keys of the values, such as width_mm, or magnet_width_mm for the width of the
-    magnet. 0 means exact; an absent key means unknown.
+    """Standard uncertainties, most with the keys of the values, such as width_mm, or magnet_width_mm for the width of
+    the magnet. 0 means exact; an absent key means unknown.
     """
 
     @model_validator(mode="after")

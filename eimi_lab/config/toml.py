@@ -311,11 +311,12 @@ def _shown(value: object) -> str:
     return str(value).lower() if isinstance(value, bool) else repr(value)
 
 
-def _known_keys(table: Any, location: tuple[str, ...]) -> list[str]:
-    """Return the keys that a table of a file may have.
+def _known_keys(model: Any, location: tuple[str, ...]) -> list[str]:
+    """Return the permitted keys of the table at ``location``, such as ("virtual", "optics"), in a file.
 
-    ``table`` is the pydantic model of the file. ``location`` is the path to the table, such as ("virtual", "optics").
+    ``model`` is the pydantic model of the file.
     """
+    table = model
     for part in location:
         if part.isdecimal():  # the number of one of several tables [[name]]
             continue

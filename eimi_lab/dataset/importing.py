@@ -59,8 +59,8 @@ def import_frames(
 ) -> int:
     """Make a dataset from images or a video, and return the number of load steps.
 
-    Only the pictures that the table states.csv lists are imported, images in the natural order of their names (2
-    before 10). Consecutive pictures with the same load form one load step.
+    Without ``every``, only the pictures that the table states.csv lists are imported, images in the natural order of
+    their names (2 before 10). Consecutive pictures with the same load form one load step.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def import_frames(
     correction
         Dark frame (taken without light) and flat field (back-light without the beam).
     every
-        Import every n-th frame of a video; a load in the table then acts until the next load.
+        Import every n-th frame of a video; each row of the table then gives the beginning of a load.
 
     Raises
     ------

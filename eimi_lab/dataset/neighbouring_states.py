@@ -19,8 +19,8 @@ class SearchAgain(Protocol):
     def __call__(self, index: int, guide: EdgeSet, *lines_mm: Array) -> EdgeSet:
         """Find the edges of the beam in the load step with the number `index`.
 
-        If several bodies may be the beam, the body nearest to the edges `guide` is taken. `lines_mm` are up to two
-        lines, each of shape (n, 2), mm, at or between which the middle line of the beam is searched.
+        If several bodies may be the beam, the body nearest to the edges `guide` is taken. `lines_mm` are centre lines,
+        shape (n, 2), of the beam in one or two other load steps: the beam is expected near this line or between both.
         """
 
 

@@ -92,7 +92,7 @@ def _calibration(dataset: Dataset, present: Calibration, file: Path | None, chan
 def _field_factor(dataset: Dataset, before: Calibration, after: Calibration, file: Path | None) -> float:
     """Return the ratio of the new coil constant to the stored coil constant.
 
-    Raises InputError if the constant changes in an imported dataset, whose fields may not come from currents.
+    Raises InputError if the constant changes in an imported dataset: its fields were perhaps typed, not computed.
     """
     if not after.mT_per_A and not any(state.field_mT for state in dataset.states):
         return 1.0
@@ -100,7 +100,7 @@ def _field_factor(dataset: Dataset, before: Calibration, after: Calibration, fil
     if factor != 1.0 and dataset.text("protocol") is None:
         raise InputError(
             f"{file}: coil_constant_mT_per_A = {after.mT_per_A:g}, but {dataset.path} was imported "
-            f"with {before.mT_per_A:g}; its states.csv may contain fields instead of currents, so repeat the import"
+            f"with {before.mT_per_A:g}, which does not change fields that states.csv gives directly: repeat the import"
         )
     return factor
 

@@ -183,7 +183,7 @@ def _return(edge_set: EdgeSet | None) -> EdgeSet | None:
 def _found_by_workers(
     dataset: Dataset, projection: Projection | None, executor: Workers | None
 ) -> Generator[EdgeSet | None]:
-    """Yield the edges of each load step from worker processes; None for a load step that is still to be searched."""
+    """Yield, for each load step, the edges that a worker process found, or None if no worker found them."""
     states = range(len(dataset.states))
     if executor is None:
         yield from (None for _ in states)

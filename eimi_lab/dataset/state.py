@@ -24,7 +24,8 @@ class State:
     flags
         Defects that were found during the run or the import.
     tip_force_angle_deg
-        Direction of the tip force, degrees from +x (along the straight beam) toward +y (across); None for gravity's.
+        Direction of the tip force, degrees from +x (along the straight beam) toward +y (across); None if the force has
+        the direction of gravity.
     field_sigma_mT
         Standard uncertainty of the measured field, mT; None if the field was not measured in this load step.
     temperature_degC

@@ -13,17 +13,20 @@ from eimi_lab.process.errors import InputError
 FRAME_COLUMNS = {
     "frame": Column(
         "An image: its path relative to states.csv, its name in the folder with or without the ending, or the number "
-        "at the end of its name. For a video: the number of the frame, counted from 0. For a file of tracks: the "
-        "number of the frame as the tracking program counts it.",
+        "at the end of its name. For a video: the number of the frame, counted from 0. For a file of a "
+        "tracking program (tracked points): the number of the frame as the tracking program counts it.",
         "shot_07.png",
     ),
     "time_s": Column(
-        "Instead of frame: time in seconds from the beginning of a video, or of a file of tracks with times.", "12.5"
+        "Instead of frame: time in seconds from the beginning of a video, or of a file of a tracking program if this "
+        "file contains times.",
+        "12.5",
     ),
 }
 UNTIL_COLUMNS = {
     "until_s": Column(
-        "With --every: time in seconds from the beginning of the video at which the load ends.",
+        "For a video that `eimi import --every N` reads: time in seconds from the beginning of the video at which the "
+        "load ends.",
         "14.0",
         "the load acts until the next row",
     )
@@ -31,9 +34,13 @@ UNTIL_COLUMNS = {
 STATE_COLUMNS = {"state": Column("Instead of frame: number of the state in points.csv.", "0")}
 LOAD_COLUMNS = {
     "current_A": Column(
-        "Current of the coil. Give either current_A or field_mT; without a coil, give neither of them.", "0.3"
+        "Current of the coil. Give either current_A or field_mT. For the case without a coil, see field_mT.", "0.3"
     ),
-    "field_mT": Column("Field at the magnet. Give either field_mT or current_A; without a coil, give 0.", "1.41"),
+    "field_mT": Column(
+        "Field at the magnet. Give either field_mT or current_A. Without a coil, give field_mT = 0. For pictures with "
+        "the column tip_force_N, both columns may then be absent.",
+        "1.41",
+    ),
     "tip_force_N": Column("Force at the tip, such as a weight.", "0.049", "0"),
     "tip_force_angle_deg": Column(
         "Direction of the tip force in the beam frame, from +x toward +y.", "0", "the direction of gravity"

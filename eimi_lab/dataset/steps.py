@@ -93,7 +93,7 @@ def make_steps(entry: h5py.Group, protocol: Protocol | None) -> None:
 
 
 def append_set_points(store: dict[str, h5py.Dataset], set_points: Sequence[SetPoint]) -> None:
-    """Append rows to the table of set-points, whose columns by name are in ``store`` (empty without a table)."""
+    """Append rows to the columns of the table of set-points, ``store``; do nothing if ``store`` is empty."""
     if store and set_points:
         for name, values in zip(_SET_POINT_COLUMNS, zip(*map(astuple, set_points), strict=True), strict=True):
             append(store[name], values)

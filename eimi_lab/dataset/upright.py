@@ -21,8 +21,8 @@ def turn(calibration: Calibration | None, gravity_angle_deg: float | None) -> Ar
     calibration
         The calibration of the camera; None without a camera.
     gravity_angle_deg
-        Direction of gravity, degrees from +x toward +y, which becomes down without a camera. If this is also None, the
-        identity matrix is returned.
+        Direction of gravity, degrees from +x toward +y; not used with a camera. Without a camera, this direction points
+        down in the picture, or the matrix is the identity if the direction is None.
     """
     if calibration is not None:
         axis, hand = math.radians(calibration.axis_angle_deg), BeamFrame(calibration).hand

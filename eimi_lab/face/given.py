@@ -108,6 +108,6 @@ def output_of(output: AnyPath | None, read: Sequence[Path], force: bool) -> Path
 
 
 def files(*given: object) -> list[Path]:
-    """Return the paths among the given arguments (text or Path), without duplicates."""
+    """Return all arguments that are a str or a Path as paths, without duplicates."""
     paths = (argument for argument in given if isinstance(argument, str | Path))
     return list(dict.fromkeys(map(Path, paths)))

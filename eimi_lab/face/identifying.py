@@ -237,8 +237,8 @@ def fit(
     """
     if isinstance(model, str) and (each or not isinstance(seed, int)):
         raise InputError(
-            "fit: with each = True or several seeds a law has several fits; give the law as a list, model = "
-            f"[{model!r}], to get all of them"
+            "fit: each = True (a fit for each dataset) and several seeds give several fits of a law; give the law as a "
+            f"list, model = [{model!r}], to get all of them"
         )
     options = FitOptions(
         section=section,

@@ -64,7 +64,7 @@ def import_pictures(
     axis : float
         Direction in which the straight beam leaves the clamp, degrees: 0 is to the right, 90 is down.
     region : (int, int, int, int)
-        Part of the image in which the beam is searched: left, top, width and height, px.
+        Part of the image in which the program searches for the beam: left, top, width and height, px.
     polarity : "dark" or "bright"
         Whether the beam is darker or brighter than its background.
     channel : "red", "green", "blue" or "grey"

@@ -77,7 +77,7 @@ def in_words(cause: NamedCause, path: Path, experiment: Experiment) -> str:
     remedy = _REMEDIES[cause.slip]
     remedies = [remedy.points]
     if _is_edges(experiment):
-        remedies = [_with(remedy.calibration, "calibration", path)] if remedy.calibration else []
+        remedies = [_in_file(remedy.calibration, "calibration", path)] if remedy.calibration else []
         remedies += [remedy.states] if remedy.states else []
     return (
         f"{path}: no material explains the measured shape of the beam: with the values in the files the smallest "
@@ -86,9 +86,8 @@ def in_words(cause: NamedCause, path: Path, experiment: Experiment) -> str:
     )
 
 
-def _with(change: str, file: str, path: Path) -> str:
-    """Return the text `change`, such as "correct width_mm", with the file to change and the command to use."""
-    return f"{change} in {file}.toml, and store this file: eimi segment {path} --{file} {file}.toml"
+def _in_file(remedy: str, file: str, dataset: Path) -> str:
+    return f"{remedy} in {file}.toml, and store this file: eimi segment {dataset} --{file} {file}.toml"
 
 
 def check_states(path: Path, experiment: Experiment, states: Sequence[State]) -> None:
@@ -171,11 +170,11 @@ def check_width(dataset: Dataset) -> None:
     if abs(width_mm / beam.depth_mm - 1) < _SAME:
         raise InputError(
             f"{words}; the width in the picture equals depth_mm, but depth_mm should be the size along the line of "
-            f"sight; {_with('exchange width_mm and depth_mm', 'specimen', dataset.path)}"
+            f"sight; {_in_file('exchange width_mm and depth_mm', 'specimen', dataset.path)}"
         )
     raise InputError(
-        f"{words}; {_with('correct width_mm', 'specimen', dataset.path)}; or "
-        f"{_with('correct pixels_per_mm', 'calibration', dataset.path)}"
+        f"{words}; {_in_file('correct width_mm', 'specimen', dataset.path)}; or "
+        f"{_in_file('correct pixels_per_mm', 'calibration', dataset.path)}"
     )
 
 

@@ -132,8 +132,8 @@ def read_fits_file(path: str | Path) -> Fits:
     path = Path(path)
     if is_dataset(path):
         raise InputError(
-            f"{path}: is a dataset, but a fits.json is needed here; `eimi fit` writes a fits.json; commands with the "
-            "option --fit take the fits.json after --fit, and a dataset as an argument without an option"
+            f"{path}: is a dataset, but a fits.json is needed here; `eimi fit` writes a fits.json; in a command with "
+            "the option --fit, type the dataset and then the fits.json: DATASET --fit fits.json"
         )
     text = read_text(path)
     try:

@@ -61,7 +61,7 @@ class MeasuredField(Record):
 
     @property
     def in_words(self) -> str:
-        """Return a text with gaussmeter, slope and offset of the measured field, and the coil constant."""
+        """Return a text with the gaussmeter, the measured and the typed coil constant, and the field at 0 A."""
         stated = self.stated_mT_per_A
         percent = "" if not stated else f" ({100 * (self.mT_per_A / stated - 1):+.1f} %)"
         replaced = "" if stated is None else f", in place of coil_constant_mT_per_A = {stated:g}{percent}"

@@ -27,15 +27,16 @@ Section = Annotated[
     str | None,
     typer.Option(
         metavar="solid|plane-strain|plane-stress",
-        help="model of the cross-section: a solid, or a planar model in which the depth cannot change (plane-strain) "
-        "or the front and back faces are free of stress (plane-stress); default: the model in the specimen file",
+        help="model of the cross-section: solid (in three dimensions), plane-strain (planar, with a fixed depth of the "
+        "beam) or plane-stress (planar, without stress on the front and back faces); default: the model in the "
+        "specimen file",
     ),
 ]
 IncludeFlagged = Annotated[
     bool,
     typer.Option(
         "--include-flagged",
-        help="also use the states with a serious flag (failed quality check), which a fit leaves out by default",
+        help="also use the states with a serious flag (failed quality check), which are left out by default",
     ),
 ]
 
@@ -50,9 +51,10 @@ class FitOptions:
         list[str] | None,
         typer.Option(
             metavar="NAME[=DEVIATION]",
-            help="uncertain input to fit together with the law, and its standard deviation in mm, in degrees or as a "
-            "fraction, such as width=0.02 or coil=0.01 (the coil constant); without a deviation, the uncertainty in "
-            "the input files is used; bulk for the bulk modulus; may be repeated",
+            help="input that is not known exactly and is fitted together with the law, and its standard deviation, "
+            "such as width=0.02 (mm), coil=0.01 (coil constant, relative) or roll=0.2 (rotation of the camera, "
+            "degrees); the message about a wrong name lists all names. Without a deviation, the uncertainty in the "
+            "input files is used. With the name bulk, the bulk modulus is fitted. May be repeated",
         ),
     ] = None
     prior: Annotated[
@@ -78,8 +80,8 @@ class FitOptions:
     tensile_weight: Annotated[
         float | None,
         typer.Option(
-            help="factor by which the weight of the tensile curves is multiplied; 1 for the weight that follows from "
-            "their noise",
+            help="factor by which the weight of the tensile curves is multiplied; with 1, the weight follows from the "
+            "noise of the curves",
             show_default="1",
         ),
     ] = None
@@ -270,7 +272,10 @@ def _nuisance(words: str) -> NuisancePrior:
     key, equals, number = words.partition("=")
     if key not in SOURCES or not (equals or SOURCES[key].stated_in):
         examples = ", ".join(f"{key}={source.usual:g} ({units[key]})" for key, source in SOURCES.items())
-        raise InputError(f"--free {words}: should be a standard deviation such as {examples}, or {_BULK}")
+        raise InputError(
+            f"--free {words}: should be an input with its standard deviation, such as {examples}, or {_BULK} "
+            "for the bulk modulus"
+        )
     try:
         return NuisancePrior(key, float(number) if equals else None)
     except ValueError as error:

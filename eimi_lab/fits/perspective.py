@@ -5,8 +5,8 @@ At the stations s (fractions of the arc length) of all states, the apparent widt
     w = w₀(s) + b a + c κ.
 
 Here w₀ is the width at each station, a is the sum of the absolute distances of both edges from the optical axis, and κ
-is the curvature of the beam, whose cross-section bows. A lens at the distance S (stand-off) makes the beam wider by
-depth / (2 S) times the distance a. Therefore, S = depth / (2 b).
+is the curvature of the beam, because anticlastic bending makes the beam look wider. A lens at the distance S
+(stand-off) makes the beam wider by depth / (2 S) times the distance a. Therefore, S = depth / (2 b).
 """
 
 from __future__ import annotations

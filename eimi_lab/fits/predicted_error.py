@@ -141,11 +141,8 @@ def _datasets(fit: FitRecord | TensileRecord | RingDownRecord) -> tuple[DatasetR
 def _shared_deviations(
     fit: FitRecord | TensileRecord | RingDownRecord, stated: StatedSource, part: int, draws: int
 ) -> Array | None:
-    """Return the errors of an input in the D random samples of a fit, in standard uncertainties, shape (D,).
-
-    `stated` is the input of the predicted dataset. The result is None unless the fit used the same object, such as the
-    same coil. `part` is the index among the numbers of the input, such as x and y.
-    """
+    # The random errors of the input `stated` in the samples of a fit, in standard uncertainties. None if the fit does
+    # not share this input, such as the coil constant, with the predicted dataset. `part` is 0 for x, 1 for y.
     by_dataset = [reference.stated for reference in _datasets(fit)]
     for group in sources_shared(stated.source, by_dataset):
         of = {source.of for i in group.datasets for source in by_dataset[i] if source.source == stated.source}

@@ -1,4 +1,4 @@
-"""Predict the errors of fits on datasets, with their intervals, in one or several processes."""
+"""Compute how far fitted laws are from the edges of datasets, with intervals, in one or several processes."""
 
 from __future__ import annotations
 
@@ -46,10 +46,10 @@ def validate(evidence: Evidence, fit: FitRecord | TensileRecord | RingDownRecord
 
 
 def predict(fits: Sequence[tuple[Law, Evidence]]) -> Sequence[Prediction[Law]]:
-    """Return the simulations of several fits on one dataset, with the 95 % intervals of their errors.
+    """Simulate one dataset with each of several fitted laws, with the 95 % intervals of the errors.
 
-    `fits` holds each fit with the dataset. Raises InputError if a law was fitted to this dataset with another model of
-    the cross-section.
+    `fits` holds a pair of fitted law and dataset for each fit. Raises InputError if a law was fitted to this dataset
+    with another model of the cross-section.
     """
     *_, (_, predictions) = predict_on_each([fits])
     return predictions

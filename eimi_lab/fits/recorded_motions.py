@@ -140,7 +140,7 @@ def _loads(dataset: Dataset, current_A: float, hanging_N: float) -> Loads:
 
 
 def static_states(evidence: Sequence[Evidence], record: FitRecord) -> StaticStates:
-    """Return the static states of datasets with their times, and the modulus that a fit identified."""
+    """Return the static states in `evidence` with their times, and the shear modulus in the fit `record`."""
     modulus = record.initial_shear_modulus
     low, high = modulus.interval_95_fit or modulus.interval_95
     on_picture = {

@@ -344,7 +344,7 @@ class FitRecord(IdentifiedLaw, LawRecord):
         return "bending and tensile" if self.tensile else "bending"
 
     def summary(self, modulus: str = "") -> str:
-        """Return one line about a fit: law, modulus with interval, doubts and mean error.
+        """Return one line about a fit: law, modulus with interval, warnings and mean error.
 
         `modulus` is the text to print for the modulus and its interval.
         """
@@ -393,7 +393,7 @@ _IF_ANY = (
 
 
 def _with_dataset_index(doubt: Doubt, evidence: Sequence[Evidence]) -> Doubt:
-    """Return a doubt with the index of its state in the dataset, in place of the index among the used states."""
+    # A fit counts only the used states, but a record counts all states of the dataset.
     if doubt.dataset is None or doubt.state is None:
         return doubt
     return replace(doubt, state=evidence[doubt.dataset].states[doubt.state].index)

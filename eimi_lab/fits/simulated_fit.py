@@ -115,7 +115,7 @@ def simulate_each(evidence: Evidence, laws: Sequence[Law]) -> Iterator[Predictio
 
 
 def simulate_alone(evidence: Evidence, fitted_law: Law) -> Prediction[Law]:
-    """Simulate one fit on a dataset, with the most accurate beam model in all states.
+    """Simulate the states of a dataset with one fitted law and the most accurate beam model.
 
     Raises InputError if the law was fitted to this dataset with another model of the cross-section.
     """

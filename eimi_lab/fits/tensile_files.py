@@ -25,9 +25,9 @@ Array = NDArray[np.float64]
 STRAINS = {"strain": 1.0, "strain_percent": 1e-2}
 STRESSES = {"stress_Pa": 1.0, "stress_kPa": 1e3, "stress_MPa": PA_PER_MPA}
 COLUMNS = {
-    "strain": Column("Engineering strain: elongation over the length at rest.", "0.2"),
+    "strain": Column("Engineering strain: elongation divided by the length without load.", "0.2"),
     "strain_percent": Column("Instead of strain: the strain in per cent.", "20"),
-    "stress_Pa": Column("Engineering stress: force over the area at rest.", "24000"),
+    "stress_Pa": Column("Engineering stress: force divided by the area without load.", "24000"),
     "stress_kPa": Column("Instead of stress_Pa.", "24"),
     "stress_MPa": Column("Instead of stress_Pa.", "0.024"),
 }

@@ -39,7 +39,7 @@ def fit_motions(model: str, motions: Sequence[MotionEvidence], seed: int) -> Rin
     Raises
     ------
     InputError
-        If the law has more than one parameter, or if no ring-down can be used.
+        If the hyperelastic law `model` has more than one parameter, or if no ring-down can be used.
     """
     law, paths = LAWS[model], ", ".join(str(dataset.path) for dataset in motions)
     if len(law.parameter_names) > 1:

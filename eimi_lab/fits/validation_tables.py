@@ -30,7 +30,8 @@ def by_dataset(validations: Sequence[Validation]) -> list[str]:
 def by_state(validations: Sequence[Validation]) -> list[str]:
     """Return the lines of a table for each dataset, with a row for each state and a column for each fit.
 
-    A cell holds root mean square ± standard deviation of the distances of measured from simulated edges, in µm.
+    A cell holds two numbers for the distances of measured from simulated edges, in µm: root mean square ± standard
+    deviation.
     """
     lines = []
     for dataset in dict.fromkeys(v.dataset for v in validations):

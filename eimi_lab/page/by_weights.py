@@ -319,7 +319,8 @@ def saved(
     calibration = measured.calibration
     if weighed[0][0] != names[0] and calibration.picture is not None and calibration.picture.along_px:
         raise InputError(
-            f"{names[0]}: points along the beam were clicked on this picture; type the weight on it in grams"
+            f"{names[0]}: points along the beam were clicked on this picture; type also the weight on the beam, in "
+            "grams"
         )
     rows = [(name, f"{N_PER_GRAM * weight:.7g}") for name, weight in weighed]
     texts = {

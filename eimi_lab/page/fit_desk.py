@@ -134,7 +134,7 @@ class FitDesk:
                 self._process.terminate()
 
     async def _fit(self, dataset: Path, fitting: Fitting) -> None:
-        """Run the fit, write the report, and send the final phase to all open tabs."""
+        """Run the fit and write the report, and send "done" or "failed" to all open tabs."""
         log = dataset.with_suffix(LOG)
         done = False
         try:

@@ -1,6 +1,6 @@
-"""Open the live web page in a browser without its token (the secret text of the page) in a command line.
+"""Write the address of the live web page, which contains a secret token, to a file that a browser opens.
 
-Every user of a computer can list command lines. Only the owner can read the file that contains the token.
+Every user of a computer can read an address in a command line. Only the owner can read this file.
 """
 
 from __future__ import annotations

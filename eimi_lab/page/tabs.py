@@ -83,7 +83,7 @@ class Tabs:
         self.ages_s: deque[float] = deque(maxlen=KEPT_AGES)
 
     def may_steer(self, name: str) -> bool:
-        """Return whether the tab with this name may start and change things."""
+        """Return whether the browser tab with this name controls the run."""
         return self._steers is not None and secrets.compare_digest(self._steers.name.encode(), name.encode())
 
     def check_control(self, request: Request) -> None:

@@ -95,8 +95,8 @@ def watched(page: Descriptors | None, bench: Bench, rig: Rig, on_event: OnEvent)
             return typed.get_nowait()
         return None
 
-    shown = _Shown(FrameMemory(page.memory), page.bell, supply)
-    yield Watched(replace(bench, supply=supply), shown.show, next_line)
+    sender = _FrameSender(FrameMemory(page.memory), page.bell, supply)
+    yield Watched(replace(bench, supply=supply), sender.show, next_line)
 
 
 def _listen(typed: queue.SimpleQueue[str], on_event: OnEvent) -> None:
@@ -204,8 +204,8 @@ class WatchedSupply:
             self._warming.flows(self._clock.now(), 0.0)
 
 
-class _Shown:
-    """A viewer that writes frames into the shared memory, and announces new frames through a pipe."""
+class _FrameSender:
+    """Writes frames into the shared memory for the page, and signals each new frame through a pipe."""
 
     def __init__(self, memory: FrameMemory, bell: int, supply: WatchedSupply) -> None:
         self._memory, self._bell, self._supply = memory, bell, supply

@@ -1,4 +1,4 @@
-"""Keep the computer awake, if its operating system supports this, and measure time while the computer sleeps."""
+"""Keep the computer awake, and read a clock that continues while it sleeps, if the system supports this."""
 
 from __future__ import annotations
 

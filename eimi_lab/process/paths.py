@@ -31,7 +31,7 @@ def reachable(path: Path) -> Path:
 
 
 def named_in(file: Path, name: str) -> Path:
-    """Return the path of a second file whose ``name``, relative to the folder of ``file``, is written in ``file``."""
+    """Return the path of the file ``name``, which is given relative to the folder of ``file``."""
     return reachable(file.parent / name)
 
 

@@ -41,7 +41,7 @@ class DrawnPanels:
         ]
 
     def datasets(self, report: ReportContents) -> None:
-        """Draw the panels (sections) of a report that do not wait for the 95 % intervals of the errors."""
+        """Draw the panels (sections) of the report that do not need the 95 % interval of the mean error of each law."""
         self._draw(report, [panel for panel in self._of_report if not panel.of_intervals])
 
     def report(self, report: ReportContents) -> None:

@@ -30,7 +30,7 @@ class Crop:
 
     @property
     def height_over_width(self) -> float:
-        """Return the height of the rectangle divided by its width."""
+        """The height of the crop divided by its width."""
         return (self.bottom - self.top) / (self.right - self.left)
 
     def of(self, image: NDArray[Any]) -> NDArray[Any]:
@@ -55,7 +55,7 @@ def frame_of(contents: DatasetContents) -> BeamFrame:
 
 
 def crop_of(contents: DatasetContents) -> Crop:
-    """Return the rectangle around the measured edges of all load steps, or the whole image without edges."""
+    """Return the rectangle around the measured edges of all load steps; the whole image if no edges were measured."""
     (height, width, *_), _ = contents.dataset.frame_format()
     frame = frame_of(contents)
     edges_mm = [edge.points_mm for pair in contents.dataset.edges() or () for edge in (pair.left, pair.right)]

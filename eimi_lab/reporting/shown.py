@@ -95,7 +95,7 @@ def sections_of(fit: FitRecord) -> tuple[str, ...]:
 def chosen(group: Sequence[ShownFit]) -> ShownFit:
     """Return the best of several fits.
 
-    It has the smallest AICc (BIC if data are few) or, without a comparison of laws, the smallest misfit.
+    It has the smallest AICc (BIC if AICc is not defined) or, without a comparison of laws, the smallest misfit.
     """
     for shown in group:
         order = {c.model: (np.inf if c.aicc is None else c.aicc, c.bic) for c in shown.comparison}

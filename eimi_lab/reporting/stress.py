@@ -133,7 +133,7 @@ def largest_strain(fits: Sequence[ShownFit]) -> float:
 
 
 def reached(shown: ShownFit, mode: Mode) -> float:
-    """Return the largest strain in the data of a fit, converted to a strain of a mode of deformation."""
+    """Return the strain in a mode of deformation at the largest stretch in the data of a fit."""
     curves = shown.fit.tensile if isinstance(shown.fit, FitRecord) else ()
     return mode.at_stretch(max([shown.fit.max_stretch, *(1 + curve.largest_strain for curve in curves)]))
 

@@ -29,7 +29,7 @@ class Extent:
     open_questions : bool
         Whether the questions that Di Lecce et al. 2022 leave open are answered.
     cases : int
-        Largest number of cases for an open question.
+        Largest number of simulated cases for each of these questions, such as values of the bulk modulus.
     """
 
     materials: tuple[str, ...] = ("dragon_skin_10", "ecoflex_00_50")

@@ -24,7 +24,7 @@ class _OfOneShape(InvariantLaw):
     coordinates = (_MODULUS,)
 
     def from_coordinates(self, x: Array) -> Array:
-        """Return the initial shear modulus (Pa) of P candidates, (P, 1); it is itself the search coordinate in `x`."""
+        """Return the first column of `x`: the initial shear modulus (Pa) of P candidates, shape (P, 1)."""
         return x[:, :1]
 
     def initial_shear_modulus(self, parameters: Array) -> Array:

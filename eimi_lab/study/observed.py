@@ -1,4 +1,4 @@
-"""Simulate the measured edges of specimens whose material the fits do not know."""
+"""Simulate measurements of beam edges, for fits that do not know the true material."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def field_mT(material: HiddenMaterial, extent: Extent) -> Array:
 
 
 def specimen_of(kind: str) -> Specimen:
-    """Return the specimen `type1`, `type2`, `type3` or `type4`, with a solid cross-section."""
+    """Return a beam of Di Lecce et al. 2022 (`type1` to `type4`: four sizes), with a solid cross-section."""
     return replace(load_specimen(kind).mechanics(), section="solid")
 
 

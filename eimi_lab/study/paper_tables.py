@@ -130,7 +130,7 @@ def parameters(findings: Findings, key: str) -> Table:
 
 @dataclass(frozen=True)
 class Advantage:
-    """The mean errors of laws fitted to bending and of laws fitted to tension.
+    """The mean errors of simulated beam edges, with laws fitted to bending and with laws fitted to tension.
 
     Attributes
     ----------
@@ -156,7 +156,7 @@ class Advantage:
 
     @property
     def ratios(self) -> tuple[float, float]:
-        """Return the error after a fit to tension, divided by the largest and smallest error after fits to bending."""
+        """Return the smallest error of fits to tension, over the largest and the smallest error of fits to bending."""
         return self.tension_um / self.bending_um[1], self.tension_um / self.bending_um[0]
 
 

@@ -55,7 +55,7 @@ class Route:
 
     @staticmethod
     def of(stored: dict[str, Any]) -> Route:
-        """Return the identified law from a dictionary that was stored as JSON."""
+        """Create a Route from a dictionary that was stored as JSON."""
         return Route(stored["law"], tuple(stored["values"]), stored["modulus_Pa"], stored["source"], stored["window"])
 
 

@@ -1,4 +1,4 @@
-"""Compute all parts of the study of hidden materials in order, and store each result."""
+"""Compute all parts of the study with simulated specimens in order, and store each result."""
 
 from __future__ import annotations
 

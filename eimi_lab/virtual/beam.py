@@ -102,7 +102,7 @@ class VirtualBeam:
         self._field_mT: float | None = None
 
     def moves(self, field_mT: float) -> bool:
-        """Return whether the field (mT) differs so much from that of the last outlines that the beam moves visibly."""
+        """Return whether the beam moves visibly from the field of the last call of `outlines_mm` to this field (mT)."""
         return self._field_mT is None or abs(field_mT - self._field_mT) > SAME_FIELD_MT
 
     @property
@@ -190,9 +190,10 @@ def _solved(
     virtual_loads: VirtualLoads,
     strongest_mT: float,
 ) -> tuple[SolidBeside, DepthEffect | None, float]:
-    """Return the solid model, the difference between solid and planar shapes, and the largest field (mT).
+    """Return the solid model, the difference between solid and planar shapes, and the field (mT) up to which it holds.
 
-    The difference is computed up to this field; it is None if no equilibrium of the solid was found.
+    This field is `strongest_mT`, or less if no equilibrium is found there. Without any equilibrium, the difference is
+    None.
     """
     # A solid takes long to solve. It is solved in a few fields; between them, the difference between solid and planar
     # beam is interpolated, with an error below a micrometre (`eimi_fitting.beam.beside`).

@@ -1,4 +1,4 @@
-"""The outlines of the virtual beam in motion, from a moving rod and from outlines of the solid beam at rest."""
+"""The outlines of the moving virtual beam: those of the solid in equilibrium plus the displacement of a rod model."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ _GRID = 17  # number of fields in which the shape is solved
 
 
 class MovingOutlines:
-    """The outlines of the beam and of its magnet, from the moving rod that is a simplified model of the beam.
+    """The outlines of the moving beam and of its magnet, computed with a rod model of the beam.
 
     Parameters
     ----------
     outlines_mm : callable
-        Takes a field of the coil (mT). Returns the outlines (mm) of the beam and of the magnet at rest, None without a
-        magnet.
+        Takes a field of the coil (mT). Returns the outlines (mm) of the beam and of the magnet (None without a magnet)
+        in equilibrium.
     moving : MovingBeam
-        The model of the beam's motion.
+        The rod model, which computes the motion.
     specimen : Specimen
         The true specimen.
     strongest_mT : float

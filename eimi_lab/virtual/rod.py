@@ -234,8 +234,7 @@ class Rod:
         return derivatives, remaining
 
     def strain(self, z: Array) -> Array:
-        """Return the elastic forces, divided by the linear stiffness."""
-        # One force for each of the n generalised coordinates z.
+        """Return the n generalised elastic forces at the coordinates z, each divided by its linear stiffness."""
         strain, stretch = z.copy(), slice(self._first_stretch, self._first_stretch + _STRETCHING)
         bent, stretched = self._bends @ z[:_BENDING], self._stretches @ z[stretch]
         strain[:_BENDING] += (bent * stretched) @ self._bends_stretched - bent**3 @ self._softens

@@ -189,7 +189,7 @@ class VirtualCamera:
         return shapes.at(coordinates)
 
     def close(self) -> None:
-        """Close the connection to the coil of another process, if there is one."""
+        """Close the connection to an emulated coil in another process, if there is one."""
         if isinstance(self._coil, RemoteCoil):
             self._coil.close()
 

@@ -139,7 +139,8 @@ class BeamFrame:
         centre = (np.array(size) - 1.0) / 2.0 if self._matrix is None else self._matrix[:2, 2]
         if not 0.5 * depth_mm < self._stand_off_mm:
             raise ValueError(
-                f"stand_off_mm = {self._stand_off_mm:g} should be more than half of depth_mm = {depth_mm:g}"
+                f"stand_off_mm = {self._stand_off_mm:g} (from the lens to the middle of the beam) should be more than "
+                f"half of depth_mm = {depth_mm:g}"
             )
         along, across = self.components(self._tilt_deg).tolist()
         return View(

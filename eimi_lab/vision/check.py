@@ -37,7 +37,7 @@ class Flag:
     widens : float
         Standard deviation that is added to the edge points (as variance).
     widens_in : {"px", "mm", "width", "depth"}
-        Unit of `widens`: a pixel, a millimetre, or the specimen's width or depth.
+        Unit of `widens`: "px", "mm", or "width" or "depth" for multiples of that dimension of the specimen.
     """
 
     name: str
@@ -49,14 +49,14 @@ class Flag:
     widens_in: str = "px"
 
     def widens_mm(self, pixels_per_mm: float, width_mm: float, depth_mm: float) -> float:
-        """Return `widens`, an additional standard deviation of the positions of the edge points, in mm.
+        """Return the standard deviation (mm) that this flag adds to the edge points.
 
         Parameters
         ----------
         pixels_per_mm : float
             Scale of the calibration.
         width_mm, depth_mm : float
-            Width and depth of the specimen; `widens` may be a multiple of one of them.
+            Width and depth of the specimen.
         """
         return (
             self.widens * {"px": 1.0 / pixels_per_mm, "mm": 1.0, "width": width_mm, "depth": depth_mm}[self.widens_in]

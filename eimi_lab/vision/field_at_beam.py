@@ -1,4 +1,4 @@
-"""Replace the uniform field of load states by the field that a calibration describes."""
+"""Add the background field, and the spatial variation of the field of the coil, to load states."""
 
 from __future__ import annotations
 

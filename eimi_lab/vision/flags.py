@@ -200,7 +200,8 @@ CHECKS = (
     Check(
         name="DUPLICATE",
         finding="repeated_frames",
-        quantity="number of frames that are identical to the previous frame, or have no larger number",
+        quantity="number of frames that are identical to the previous frame, or whose frame number is not larger than "
+        "that of the previous frame",
         limit=0.0,
         remedy="Check that the camera delivers new frames and does not repeat an old one.",
         picture="a third frame that repeats the second",

@@ -20,14 +20,14 @@ FOLLOWED = (
     Check(
         name="NOT_FOLLOWED",
         finding="followed_click",
-        quantity="distance of the farthest clicked point from the followed path, less 10 px, in beam widths",
+        quantity="distance of the farthest clicked point from the followed path minus 10 px, divided by the width",
         limit=0.5,
         remedy="Correct --along: {clicks_off}.",
     ),
     Check(
         name="NOT_FOLLOWED",
         finding="followed_length",
-        quantity="length of the followed path, share of length_mm",
+        quantity="length of the followed path, share of length_mm, if an edge is unclear or has gaps",
         limit=0.55,
         below=True,
         remedy="See in the overlay where the followed path ends, check clamp_midpoint_px, axis_angle_deg, width_mm and "
@@ -79,7 +79,7 @@ FOLLOWED = (
     Check(
         name="NOT_FOLLOWED",
         finding="followed_gain",
-        quantity="mean evidence for the beam along the followed path (at most 1.2)",
+        quantity="mean evidence for the beam along the followed path (at most 1.2), in all cases but the next row",
         limit=0.2,
         below=True,
         remedy="Put something even and of another colour behind the beam: the evidence for the followed body is weak.",
@@ -101,16 +101,16 @@ FOLLOWED = (
     Check(
         name="NOT_FOLLOWED",
         finding="followed_begin",
-        quantity="distance from the clamp to the first place at which both edges were found with certainty, less a "
-        "tenth of the followed path, in beam widths",
+        quantity="distance from the clamp to the first place at which both edges were found with certainty, minus "
+        "a tenth of the followed path, in beam widths, if an edge is unclear or has gaps",
         limit=1.5,
         remedy="Check clamp_midpoint_px and axis_angle_deg: the beam should begin there, but its edges are unclear.",
     ),
     Check(
         name="NOT_FOLLOWED",
         finding="followed_late",
-        quantity="distance from the clamp to the first place at which both edges were found with certainty, less a "
-        "tenth of the followed path, in beam widths, if both edges are clear and without gaps from there on",
+        quantity="distance from the clamp to the first place at which both edges were found with certainty, minus "
+        "a tenth of the followed path, in beam widths, if both edges are clear and without gaps from there on",
         limit=1.5,
         remedy="See in the overlay what hides the edges near the clamp, and check clamp_midpoint_px and "
         "axis_angle_deg: a fit uses only the followed part.",
@@ -141,7 +141,7 @@ FOLLOWED = (
     Check(
         name="WIDTH_ANOMALY",
         finding="followed_narrowing",
-        quantity="relative amount by which a fifth of the followed path is narrower than a fifth nearer to the clamp",
+        quantity="largest relative decrease of the width between two fifths of the followed path, away from the clamp",
         limit=0.4,
         remedy="Check in the overlay that the beam was followed: a beam of constant width does not become so much "
         "narrower.",

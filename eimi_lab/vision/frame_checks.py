@@ -25,7 +25,7 @@ def frame_flags(frames: Sequence[Frame], noise: Noise) -> tuple[Flag, ...]:
     frames : sequence of Frame
         Frames in the order in which they were taken, numbered by the camera.
     noise : Noise
-        Noise of the camera; without noise, equal pixels do not show a repetition.
+        Noise of the camera. Equal frames count as repeated only if the noise exceeds the rounding of grey levels.
 
     Returns
     -------

@@ -197,7 +197,7 @@ def _candidates(samples: Sequence[_Colours], space: str, beam_colour: Sequence[f
 
 
 def _measured(name: str, weights: Array, space: str, samples: Sequence[_Colours]) -> Projection:
-    """Return the given weights with their `separation`: the difference in grey value between beam and surroundings."""
+    """Measure how well the colour weights separate beam and surroundings; return them with this `separation`."""
     separations = []
     for sample in samples:
         inside = sample.inside @ weights

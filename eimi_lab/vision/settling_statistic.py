@@ -152,7 +152,7 @@ def _steepness(image: NDArray[Any], top: int, bottom: int, left: int, right: int
 
 
 def _highest_steepness(image: NDArray[Any]) -> NDArray[np.float32]:
-    """Return upper bounds of the gradient in each column of horizontal strips of an image, shape (strips, columns)."""
+    """Return an upper bound of the gradient in each column of each strip of 64 rows, shape (strips, columns)."""
     height, width = image.shape
     tops = range(0, height, STRIP_ROWS)
     lowest, highest = np.empty((2, len(tops), width), image.dtype)
@@ -167,12 +167,10 @@ def _highest_steepness(image: NDArray[Any]) -> NDArray[np.float32]:
     return np.asarray(STEEPEST_STEP * spread + ROUNDING * largest, np.float32)
 
 
-def _rectangles(possible: NDArray[np.bool_]) -> list[tuple[int, int, int, int]]:
-    """Return rectangles (top, bottom, left, right; pixels) that contain all places where a gradient may be steep.
-
-    `possible`: whether it may be steep in each column of horizontal strips of the image, shape (strips, columns).
-    """
-    strips, columns = np.divmod(np.flatnonzero(possible), possible.shape[1])
+def _rectangles(may_be_steep: NDArray[np.bool_]) -> list[tuple[int, int, int, int]]:
+    """Return rectangles (top, bottom, left, right, px) that contain all pixels where `may_be_steep` is True."""
+    # An element of `may_be_steep` is one column of a strip of 64 rows of the image, shape (strips, columns).
+    strips, columns = np.divmod(np.flatnonzero(may_be_steep), may_be_steep.shape[1])
     ends = np.flatnonzero((np.diff(strips) > 0) | (np.diff(columns) > STRIP_ROWS))
     first, last = [0, *(ends + 1)], [*ends, -1]
     rectangles: list[tuple[int, int, int, int]] = []  # counted in strips instead of rows

@@ -118,12 +118,12 @@ class _Capture:
         success, image = self._capture.read()
         # OpenCV may still report success after a camera is unplugged, but its device node disappears.
         if not success or (self._node and not self._node.exists()):
-            end = (
+            reason = (
                 "the camera sends no more frames; is it unplugged?"
                 if self._is_device
                 else f"end of playback after {self._count} frames"
             )
-            raise (InstrumentDisconnected if self._is_device else EndOfPlayback)(f"{self._name}: {end}")
+            raise (InstrumentDisconnected if self._is_device else EndOfPlayback)(f"{self._name}: {reason}")
         self._count += 1
         if self._is_device:
             return image, self._stamp() or time.monotonic()

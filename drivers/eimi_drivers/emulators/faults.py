@@ -45,33 +45,39 @@ class Fault(Enum):
         "waits, and does not take a late answer for the answer to the next query",
     )
     DROP = (
-        "the line is cut once and can be reopened at the same address",
-        "reopens the line, asks for the identity, and switches the coil off",
+        "the data connection is cut once and can be reopened at the same address",
+        "reopens the connection, asks for the identity, and switches the coil off",
     )
     DISCONNECT = (
-        "the line is cut permanently",
+        "the data connection is cut permanently",
         "reports that the coil may still be on",
     )
     REENUMERATE = (
-        "the line is cut; the supply returns at another address",
+        "the data connection is cut; the supply returns at another address",
         "reports that the coil may still be on, or finds the supply by its serial number and switches it off",
     )
     SWAP = (
-        "the line is cut; another supply of the same model, which is off, then answers at the same address",
+        "the data connection is cut; another supply of the same model, which is off, then answers at the same address",
         "compares the identities, sends nothing to the other supply, and reports that the coil may still be on",
     )
 
     SHORTED = (
-        f"the regulator is shorted: {SHORTED_A:g} A flow even if the output is off; the set-points read back as set",
+        (
+            f"the regulator is shorted: {SHORTED_A:g} A flow even if the output is off; the supply still reports the "
+            "set-points that were set"
+        ),
         "measures after switching off, and reports that the coil may still be on, with the measured current",
     )
     DRIFT = (
-        f"the current rises to {DRIFTS_TO_A:g} A at 1 A/s while the output is on; the set-point reads back as set",
+        (
+            f"the current rises to {DRIFTS_TO_A:g} A at 1 A/s while the output is on; the supply still reports the "
+            "set-point that was set"
+        ),
         "measures the current regularly, and switches off when the current differs from the set-point",
     )
     FALLEN = (
-        "no current flows although the output reads back as on",
-        "measures the current regularly, and ends the measurement",
+        "no current flows although the supply reports that its output is on",
+        "measures the current regularly, and ends the run when no current flows",
     )
     OFFSET = (
         f"the meter adds {1000 * OFFSET_A:g} mA to every current, which is within the accuracy of many supplies",
@@ -156,10 +162,13 @@ class FaultyInstrument:
         Raises
         ------
         ValueError
-            The fault is not a fault of the line.
+            The fault is not one of `LINE_FAULTS`.
         """
         if fault is not None and fault not in LINE_FAULTS:
-            raise ValueError(f"{fault.word} is not a fault of the line; begin it with spoiling.begin_fault")
+            raise ValueError(
+                f"{fault.word} is not a fault of the line (connection); begin it with the function begin_fault of "
+                "eimi_drivers.emulators.spoiling"
+            )
         self._fault, self._concerns = fault, concerns
         if fault is Fault.SLEEP:
             self.be_silent(SLEEPS_FOR_S)

@@ -34,8 +34,7 @@ class OutputWatchdog:
         self._restarted_s = self._supply.clock.now()
 
     def switch(self, on: bool) -> bool:
-        """Start or stop the timer, and return True."""
-        # Start or stop the timer, and return True, because the command cannot fail.
+        """Start the timer if `on` is true, otherwise stop it. Return True, because this cannot fail."""
         self.on, self.expired = on, False
         return True
 

@@ -44,9 +44,10 @@ class EmulatedSession:
     coil : CoilSupply, optional
         The model of the supply and its coil; by default a supply with a coil of 4 ohm.
     address : str
-        The address in the rig file; it names the channel that feeds the coil.
+        The address of the supply in the rig file, which contains the channel that feeds the coil.
     announce : callable, optional
-        Called with the address of the supply and the address of the coil each time that the supply becomes reachable.
+        Called with two addresses each time that the supply becomes reachable: the address of the supply, and the
+        address at which a virtual camera or gaussmeter reads the true current.
     look : callable, optional
         Called repeatedly while the supply is served. If it raises an error, the session ends.
     """
@@ -97,7 +98,7 @@ class EmulatedSession:
         return serve_pty(self._line) if self._fault is None else serve_port(self._line, f"ttyEMULATED{ports}")
 
     def _watch(self) -> None:
-        """Begin the fault at its time, and report changes of the current, until a fault cuts the connection."""
+        # Returns when the fault REENUMERATE has cut the connection. With other faults only an error ends the loop.
         leaves = self._fault is Fault.REENUMERATE
         while not (leaves and self._line.lost):
             self._let_watchdog_act(self._line.instrument)

@@ -34,7 +34,7 @@ class Interruptions:
         self._last: BaseException | None = None
 
     def __call__(self) -> None:
-        """Call the function of the program. If it raises an error, remember the error and raise it."""
+        """Call the function that can stop the driver; store and raise its error."""
         try:
             self._between_messages()
         except BaseException as error:
@@ -42,7 +42,7 @@ class Interruptions:
             raise
 
     def raised(self, error: BaseException) -> bool:
-        """Return whether the function of the program raised this error, and not the driver."""
+        """Return whether `error` was raised to stop the driver, and not by the driver itself."""
         return error is self._last
 
 
@@ -114,7 +114,7 @@ class ForeignSupply:
         Returns
         -------
         Off or None
-            Measured current and its limit; None if the driver does not measure the current in this call.
+            Measured current, and the largest current that counts as off; None if this driver does not measure it here.
 
         Raises
         ------

@@ -163,7 +163,10 @@ def open_with(
     check_supply_driver(name, driver)
     connect = getattr(driver, "connect", None)
     if connect is None and transcript is not None:
-        raise UnusableDriver(f"the supply driver {name!r} has no connect(address), so no transcript can be written")
+        raise UnusableDriver(
+            f"the supply driver {name!r} has no function connect(address), so its messages cannot be recorded in a "
+            "transcript"
+        )
     with ExitStack() as opened:
         link: Any = address
         if connect is not None:

@@ -125,7 +125,7 @@ def understands_no_garbage(bench: SensorBench) -> None:
 
 
 def takes_no_late_answer_for_the_next(bench: SensorBench) -> None:
-    """Check that the driver waits 0.3 s for an answer, and discards an answer that comes after its time limit."""
+    """Check that `read` waits at least 0.3 s for an answer, and never returns a late answer to an earlier query."""
     bench.line.inject(Fault.SLOW)
     bench.reads(1.0)
     bench.line.late_s = bench.sensor.timeout_s + 0.3

@@ -42,11 +42,11 @@ class SupplyBench:
     address : str
         Address of the supply.
     sent : list of bytes
-        Messages of the driver; empty if the instrument is reached through an address.
+        Messages of the driver; they are recorded only if the driver does not open the connection itself.
     open_again : callable
         Opens the supply once more and returns it.
     answer_within_s : float
-        Longest permitted duration of a query without an answer, s.
+        Time in s after which a query must fail if the instrument does not answer.
     """
 
     supply: PowerSupply
@@ -89,7 +89,7 @@ def supply_bench(
     serve : callable, optional
         Context manager that yields the address of the emulated instrument, such as `serve_pty` or `serve_tcp`.
     answer_within_s : float
-        Longest permitted duration of a query without an answer, s.
+        Time in s after which a query must fail if the instrument does not answer.
     """
     with ExitStack() as stack:
         sent: list[bytes] = []

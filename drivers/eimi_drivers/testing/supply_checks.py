@@ -289,9 +289,9 @@ def check_supply(
         ``lambda coil: emulate("scpi", coil)``.
     serve : callable, optional
         Context manager that yields the address of the emulated instrument, such as `serve_pty` or `serve_tcp`. If None,
-        a driver with `connect` is checked in simulated time, and another driver on a pseudo-terminal.
+        the connection and the time are simulated, or, if the driver opens the connection itself, `serve_pty` is used.
     answer_within_s : float
-        Longest permitted duration of a query without an answer, s.
+        Time in s after which a query must fail if the instrument does not answer.
     checks : iterable of functions, optional
         Selection of `SUPPLY_CHECKS`; all checks by default.
 

@@ -172,10 +172,9 @@ def frame_at_rest(path: Path) -> NDArray[Any]:
     return _still_frame(looked_through(path, _EVERY)[1])
 
 
-def _still_frame(kept: Mapping[int, NDArray[Any]]) -> NDArray[Any]:
-    """Return the second last of the frames ``kept``, which are given by frame number."""
-    numbers = sorted(kept)
-    return kept[numbers[max(len(numbers) - 2, 0)]]
+def _still_frame(frames: Mapping[int, NDArray[Any]]) -> NDArray[Any]:
+    numbers = sorted(frames)
+    return frames[numbers[max(len(numbers) - 2, 0)]]  # the beam is assumed to be at rest near the end of the video
 
 
 def _reported(images: Iterable[NDArray[Any]], report: Report, total: int) -> Iterator[NDArray[Any]]:

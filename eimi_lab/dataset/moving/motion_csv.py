@@ -19,9 +19,9 @@ from eimi_lab.dataset.tracked.points_csv import check_on_beam
 from eimi_lab.process.errors import InputError
 
 TIME_COLUMNS = {
-    "time_s": Column("Time since the beginning of the recording.", "0.35", "frame over --rate"),
+    "time_s": Column("Time since the beginning of the recording.", "0.35", "frame divided by --rate"),
     "frame": Column(
-        "Number of the frame. The column may be left out if all points of a frame have the same time.", "35", "-"
+        "Number of the frame. The column may be left out if all points of a frame have the same time.", "35", "none"
     ),
 }
 POINT_COLUMNS = {

@@ -28,7 +28,7 @@ SLOW = Check(
 
 
 def flag_names(motion: Motion) -> tuple[str, ...]:
-    """Return the names of the defects (flags) of a recorded motion; empty if no frame was lost."""
+    """Return the flag for lost frames if frames of a recorded motion were lost; otherwise an empty tuple."""
     return (LOST.name,) if motion.lost_frames else ()
 
 

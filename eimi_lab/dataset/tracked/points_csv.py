@@ -23,9 +23,9 @@ from eimi_lab.process.outputs import whole_file
 COLUMNS = {
     "state": Column("Number of the state, as in states.csv.", "0", "required"),
     "point": Column("Name of the point, the same in every state.", "marker1", "required"),
-    "x0_mm": Column("Position at rest along the beam, measured from the clamp.", "25.0", "required"),
+    "x0_mm": Column("Position along the unloaded beam, measured from the clamp.", "25.0", "required"),
     "y0_mm": Column(
-        "Position at rest across the beam, measured from the centre line. The field of a positive current points in "
+        "Position across the unloaded beam, measured from the centre line. The field of a positive current points in "
         "the positive direction.",
         "0.0",
         "required",
@@ -35,7 +35,7 @@ COLUMNS = {
     "sigma_mm": Column("Standard uncertainty of x_mm and of y_mm.", "0.02", "required"),
 }
 DEPTH = "z_mm"
-OPTIONAL_COLUMNS = {DEPTH: Column("Position at rest in depth, measured from mid-depth of the beam.", "2.5", "0")}
+OPTIONAL_COLUMNS = {DEPTH: Column("Position in depth of the unloaded beam, measured from mid-depth.", "2.5", "0")}
 ON_THE_BEAM_MM = 1e-6  # tolerance for rounded numbers in a table
 
 

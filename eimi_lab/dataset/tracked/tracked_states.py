@@ -48,7 +48,7 @@ def import_tracks(
     placing
         How coordinates are converted into mm along and across the straight beam.
     gravity_angle_deg
-        Direction of gravity, degrees from +x (along the straight beam) toward +y; ignored with a calibration.
+        Direction of gravity, degrees from +x (the straight beam) toward +y. Not used if `placing` has a calibration.
     path
         The dataset to write.
     force

@@ -48,7 +48,7 @@ def drawn_convergence(fits: Sequence[ShownFit]) -> Drawing:
 
 
 def table_of_searches(fits: Sequence[ShownFit]) -> Table:
-    """Return a table with the search, the discarded trial values, the errors and the duration of each fit."""
+    """Return a table with the number of trial values, the mean errors and the duration of each fit."""
     rows = [
         (
             shown.label,

@@ -100,7 +100,7 @@ def _origins(fits: Sequence[ShownFit]) -> list[str]:
 
 
 def _strains_of(shown: ShownFit, strain: Array, mode: Mode) -> Array:
-    """Return the strains `strain`, shape (n,), together with the largest strain in the data of the fit."""
+    # The solid part of a curve ends at the largest strain of the data, which is therefore one of the strains.
     end = reached(shown, mode)
     return np.union1d(strain, [end] if end < strain[-1] else [])
 

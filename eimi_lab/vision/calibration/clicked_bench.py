@@ -112,8 +112,9 @@ def measure_bench(
     stand_off_mm, stand_off_share, stand_off_words = _stand_off(clicked, scale, lens)
     if stand_off_mm < 2.0 * depth_mm:
         raise InputError(
-            f"the lens would be {stand_off_mm:.3g} mm from the beam, less than twice depth_mm = {depth_mm:g}: correct "
-            "the distance between the ticks of the ruler, or the distance from the lens to the beam"
+            f"the lens would be {stand_off_mm:.3g} mm from the beam, less than twice the beam's "
+            f"depth_mm = {depth_mm:g}: correct the distance between the ticks of the ruler, or the distance from "
+            "the lens to the beam"
         )
     nearer = 0.5 * depth_mm / stand_off_mm
     from_axis = (clamp[0] - 0.5 * (size[0] - 1), clamp[1] - 0.5 * (size[1] - 1))

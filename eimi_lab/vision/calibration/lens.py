@@ -158,7 +158,8 @@ def fit_board_pose(view: View, board_error: float) -> BoardPose:
 
         t = Σ b* q / Σ |b|²    (b* is the conjugate of b).
 
-    |t| is the scale (px/mm), and the argument of t is the direction of the board's rows.
+    |t| is the scale (px/mm), and the argument of t is the direction of the board's rows. The tilt is arccos(s₂ / s₁),
+    with the singular values s₁ ≥ s₂ of an affine fit.
 
     Parameters
     ----------

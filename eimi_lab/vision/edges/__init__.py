@@ -14,7 +14,7 @@ dimensions              measure width, length and twist of the beam
 quality                 measure contrast, clipping, blur and gamma at the edges
 response                estimate the gamma of the camera
 apparent_width          measure the width of the beam near its clamp
-region                  the part of the pictures in which the beam is searched
+region                  the part of the pictures in which the program searches for the beam
 suggested_corrections   suggest which value is wrong if no beam was found
 overlay                 draw the edges and the flags on the frame
 """

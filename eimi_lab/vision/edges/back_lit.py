@@ -197,7 +197,7 @@ class BackLitSearch:
         return None if second is None else (second, corners_px)
 
     def _silicone_margin(self) -> SiliconeMargin:
-        """Return the silicone beside the magnet; its width is 0 without a magnet."""
+        # without a magnet, the width is 0
         magnet = self.specimen_file.magnet
         silicone_mm = 0.5 * max(self.shape.at_magnet_mm - magnet.width_mm, 0.0) if magnet else 0.0
         from_tip_mm = magnet.length_mm + magnet.tip_offset_mm if magnet else 0.0
@@ -242,7 +242,7 @@ class BackLitSearch:
         return EdgePoints(self.frame.to_mm(side.points_px[kept]), sigma_px / self.pixels_per_mm)
 
     def words(self) -> dict[str, str]:
-        """Return texts for messages, by name: effects of a twist of the beam on the result of a fit."""
+        """Return how a rotation of the beam about its axis changes a fitted modulus, as texts to insert in messages."""
         twist = self.findings.get("twist_deg", 0.0)
         return describe_turn_effects(twist, self.even_turn_deg, self.width_mm, self.depth_mm)
 

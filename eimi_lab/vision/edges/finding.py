@@ -67,7 +67,7 @@ def find_edges(
         Function that returns the edges in an earlier picture, or None. It is called if several bodies may be the beam;
         the body nearest to the earlier edges is chosen.
     expected_mm : ndarray, shape (n, 2), optional
-        Centre line of the beam in an earlier picture, from the clamp. It replaces the points that a person clicked.
+        Centre line of the beam in an earlier picture, from the clamp. It replaces the clicked points in `calibration`.
     between_mm : ndarray, shape (m, 2), optional
         Centre line in a later picture. The beam is expected between both lines.
 
@@ -216,16 +216,12 @@ def _is_in_doubt(image: ArrayLike, search: BackLitSearch, lit_beam: bool) -> boo
 
 
 def _followed_edges(followed: FollowedBeam, frame: BeamFrame, limits: Mapping[str, float] | None) -> _Edges | None:
-    """Return the edges of a beam that was followed from its clamp; None if they are unusable.
-
-    The third array is for the corners of the beam, which are not searched here; it is NaN.
-    """
     if followed.edges is None or leaves_out(judge(followed.findings, limits, followed.words)):
         return None
     left, right = (_points(side, frame) for side in followed.edges)
     if frame.hand < 0.0:  # left is where y < 0, also in a mirrored view
         left, right = right, left
-    return left, right, np.full((4, 2), np.nan)
+    return left, right, np.full((4, 2), np.nan)  # the corners are not located
 
 
 def _points(side: StripEdges, frame: BeamFrame) -> EdgePoints:

@@ -156,7 +156,7 @@ def first_pass(
     width_px : float
         Width of the specimen.
     margin : SiliconeMargin
-        Silicone beside the magnet.
+        Silicone between the magnet in the beam and the edges; its width is 0 without a magnet.
 
     Returns
     -------
@@ -204,7 +204,8 @@ def second_pass(
     corners_px : ndarray, shape (4, 2)
         Clamp-left, clamp-right, tip-left, tip-right.
     hand, spacing_px, width_px, margin
-        See `first_pass`.
+        Sense of the y axis (±1), distance between points, width of the specimen and silicone beside the magnet in the
+        beam, as in `first_pass`.
 
     Returns
     -------
@@ -265,11 +266,10 @@ def _locate(
     fewest: int,
     cover: Cover | None = None,
 ) -> PassResult | None:
-    """Locate edge points on lines across each curve; return None if a curve has fewer points than `fewest`.
-
-    `arc_lengths`: places of the lines, and s (only every s-th point is stored). `outward`: +1 if the bright side is
-    clockwise of the curve's direction, else -1.
-    """
+    """Locate edge points on lines across each curve; return None if a curve has fewer points than `fewest`."""
+    # `arc_lengths` has, for each curve, the arc lengths of the lines and s: a dataset stores only every s-th point.
+    # `outward` is +1 if the bright side is clockwise of the curve's direction, else -1. `stations_px` are the positions
+    # along a line at which grey values are read.
     points, normals = [], []
     for curve, (place, _), sign in zip(curves, arc_lengths, outward, strict=True):
         line, tangent = curve.at(place[:, None] + _LINES_PX)

@@ -233,7 +233,7 @@ def fit_steps(
 
 
 def _first_guess(u: Array, profiles: Array, cover: Cover, covered: NDArray[np.int64]) -> tuple[Array, Array, Array]:
-    """Return initial values for the fit of a step on each line: dark value, bright value and offset."""
+    """Return initial values for the fit of a step to each profile: dark value, bright value and offset."""
     ends = max(2, len(u) // 6)
     dark, bright = profiles[:, :ends].mean(axis=1), profiles[:, -ends:].mean(axis=1)
     height = np.where(bright - dark > 1e-9, bright - dark, 1.0)
@@ -246,7 +246,7 @@ def _first_guess(u: Array, profiles: Array, cover: Cover, covered: NDArray[np.in
 
 
 class _SharedUnknowns:
-    """Unknowns that all lines across an edge share: the blur and the silicone widths beside a magnet."""
+    """Unknowns that all grey-value profiles share: the blur, and the width of silicone from the magnet to each edge."""
 
     def __init__(self, blur_px: float, cover: Cover, span_px: float) -> None:
         # The widths start at half of their prior means: from too wide a cover the iteration may end at none.
@@ -278,7 +278,7 @@ class _SharedUnknowns:
         return change
 
     def cover_variances(self) -> Array:
-        """Return the variances of the fitted widths of the silicone beside the magnet, px²; call `step` before."""
+        """Return the variance of the width of silicone from the magnet to each edge, px²; call `step` before."""
         return np.asarray(self._noise * np.diag(np.linalg.inv(self._normal))[1:])
 
 
@@ -288,7 +288,8 @@ def _derivatives(
     """Return derivatives of the grey values at m distances on n lines, by all unknowns of the fit.
 
     First result: by dark value, bright value and offset of a line, shape (n, m, 3). Second: by the unknowns of all
-    lines (``shared``), which are the blur and k widths of silicone over a magnet, shape (n, m, 1 + k).
+    lines (``shared``), which are the blur and the width of silicone between a magnet and each of k edges of the beam,
+    shape (n, m, 1 + k).
     """
     blur = float(shared[0])
     rise, bell, z = _blurred_step(u - offset[:, None], blur)

@@ -1,4 +1,4 @@
-"""The rectangular region of the pictures in which the beam is searched."""
+"""The rectangular region of the pictures in which the program searches for the beam."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from eimi_lab.vision.edges.edge_set import EdgeSet
 
 @dataclass(frozen=True)
 class Region:
-    """The rectangular region of the pictures in which the beam is searched.
+    """The rectangular region of the pictures in which the program searches for the beam.
 
     Attributes
     ----------

@@ -72,7 +72,7 @@ class StatedShape:
         return 0.5 * sum(float(np.hypot(*np.diff(edge, axis=0).T).sum()) for edge in edges)
 
     def even_widths(self, edge: Array, widths: Array, clamp: Array) -> Array:
-        """Return measured widths, scaled to a beam of constant width, without places near an abrupt change.
+        """Scale measured widths to those of a beam of constant width; leave out points near an abrupt change of width.
 
         Parameters
         ----------
@@ -86,7 +86,7 @@ class StatedShape:
         Returns
         -------
         ndarray, shape (k,)
-            Scaled widths at the k remaining points.
+            Measured widths at the k remaining points, times ``specimen.width_mm`` / width in the specimen file there.
         """
         if not self._varies:
             return widths

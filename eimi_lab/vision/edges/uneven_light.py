@@ -27,7 +27,7 @@ def light_along(
     image : ndarray, shape (rows, columns)
         Grey values with a dark beam.
     points_px, normals : ndarray, shape (n, k, 2)
-        Origins and unit directions of k parallel lines at each of n places.
+        Origins and unit directions of k parallel lines at each of n places. Their grey values are averaged.
     stations_px : ndarray, shape (m,)
         Distances along the lines.
     counts : sequence of int

@@ -175,7 +175,7 @@ def _seeds(picture: WorkingPicture, stiffness: _Stiffness, polarity: str | None)
 def _extended(
     picture: WorkingPicture, strips: Hypotheses, stiffness: _Stiffness, step: float, along: float
 ) -> tuple[Hypotheses, NDArray[np.int64], Array]:
-    """Extend every strip by one step; return the best new strips, the indices of the old strips, and the gains."""
+    """Extend strips by one step; return the best new strips, the index of the old strip of each, and added scores."""
     # All arrays are (n, ways): only the best ways become strips of their own.
     bend = strips.bend[:, None] + stiffness.bend * _MORE_BEND
     stated = float(picture.beam.relative_width(along)) * picture.beam.width_px
@@ -220,7 +220,7 @@ def _extended(
 
 
 def _implausible(more_bend: Array, width: Array, bend: Array, width_px: float) -> Array:
-    """Return the cost of a step: for a sudden bend, for a strong bend and for an unusual width."""
+    """Return the cost of a piece of the beam with a changed curvature, a strong curvature or an unusual width."""
     return np.asarray(0.6 * more_bend**2 + _WIDTH_COST * np.log(width) ** 2 + 0.03 * (bend * width_px / 0.6) ** 2)
 
 

@@ -1,6 +1,6 @@
 """The centre line of the beam that is expected before the search, from clicks of a person or from an earlier picture.
 
-The search prefers strips of the picture near this line. The line does not move the located edges.
+The search for the beam prefers paths near this line. The line does not shift the edges that are found beside a path.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ class CentreLine:
     free_px : ndarray, shape (n,)
         Distance (px) from each point up to which a piece of a path is near the line.
     evidence : float
-        Score of a piece near the line; it is not negative.
+        Score of a piece near the line; not negative.
     largest_cost : float
-        Far from the line the score is negative, at least minus this value.
+        Minus the score of a piece far from the line.
     """
 
     points: Array
@@ -64,21 +64,21 @@ class CentreLine:
         return replace(self, points=points, length_px=factor * self.length_px, free_px=factor * self.free_px)
 
     def gain(self, x: Array, y: Array, along_px: float, width_px: float) -> Array:
-        """Return the gains of steps of the search: positive or zero near this line, negative far from the line.
+        """Return the score that this line adds to each piece of a path: zero or positive near the line, else negative.
 
         Parameters
         ----------
         x, y : ndarray, shape (...)
-            Coordinates of the ends of the steps, px.
+            Coordinates of the ends of the pieces, px.
         along_px : float
-            Distance of these ends from the clamp, along the path of the search.
+            Distance of these ends from the clamp, along the path.
         width_px : float
             Width of the beam.
 
         Returns
         -------
         ndarray, shape (...)
-            The gains; 0 beyond the end of the line.
+            The scores; 0 beyond the end of the line.
         """
         if along_px > self.length_px:
             return np.zeros(x.shape)

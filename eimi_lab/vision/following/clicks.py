@@ -30,8 +30,9 @@ def with_clicks(followed: FollowedBeam, clicks: Array, width_px: float) -> Follo
     Returns
     -------
     FollowedBeam
-        The result, in which ``findings["followed_click"]`` is this distance minus 10 px (the error of a click), at
-        least 0, in widths of the beam. Unchanged if the beam was too narrow to be followed.
+        The result, in which ``findings["followed_click"]`` is the largest distance of a click from the path, minus
+        10 px (the error of a click), at least 0, in widths of the beam. Unchanged if the beam was too narrow to be
+        followed.
     """
     path = followed.path_px
     if "followed_px" in followed.findings:

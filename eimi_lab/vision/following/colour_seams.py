@@ -55,9 +55,8 @@ def find_colour_seams(
     noise : float
         Standard deviation of the noise, grey levels (0 to 255).
     tolerances : iterable of float
-        A number for each of several searches, in widths of the beam: how far the edge may be from its expected
-        position, which is ``edge`` in the first search and then the previous result. It is the standard deviation of a
-        prior: an edge far away needs a larger change of colour.
+        Standard deviation of the prior of an edge's position in each of several searches, in widths of the beam. The
+        prior mean is ``edge`` in the first search, then the result of the previous search.
     shadowless : bool
         Whether to use only weighted sums of the colours in which a shadow is invisible.
     """

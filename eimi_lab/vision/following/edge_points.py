@@ -118,7 +118,7 @@ def _nearest(points: Array, seam: Array) -> NDArray[np.int64]:
 
 @dataclass(frozen=True)
 class _Edge:
-    """One edge of the beam in an image, and the weighted sum of the colours that shows it.
+    """One edge of the beam in an image, and the weights with which the colours are added to a grey value.
 
     `outward`: +1 if the outside of the beam lies clockwise of the tangent of the edge, else -1.
     """

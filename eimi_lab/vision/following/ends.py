@@ -61,7 +61,7 @@ def _without(edge: StripEdges, kept: NDArray[np.bool_]) -> StripEdges:
 
 
 def _as_wide_toward_last(along: Array, widths: Array) -> NDArray[np.bool_]:
-    """Return False for the points of an edge after an abrupt change of the beam's width near the last point."""
+    """Return which points of an edge come before an abrupt change of the beam's width near its end; all without one."""
     kept = np.ones(len(along), dtype=bool)
     to_end = np.abs(along[-1] - along)
     end = to_end < _END

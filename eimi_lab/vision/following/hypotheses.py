@@ -73,10 +73,10 @@ class Hypotheses:
 
 
 def read_across(picture: WorkingPicture, x: Array, y: Array, angle: Array, width: Array) -> NDArray[np.float32]:
-    """Return the colours at 15 points across each strip, shape (..., 15, channels).
+    """Return the colours at 15 points across each possible beam, shape (..., 15, channels).
 
     Three points are outside, nine inside, three outside. `x`, `y`, `angle` (rad) and `width` give the middle, the
-    direction and the width of each strip.
+    direction and the width of each possible beam.
     """
     across = width.ravel().astype(np.float32)[:, None] * _ACROSS
     turn = angle.ravel().astype(np.float32)[:, None]
@@ -99,12 +99,12 @@ def least_variance(picture: WorkingPicture) -> float:
 
 
 def side_support(colours: NDArray[np.float32], variance: Array) -> Array:
-    """Return how clearly the colour changes at both edges of each strip, from 0 to 2.
+    """Return how clearly the colour changes at the edges of each possible beam: the sum of 0 to 1 for each edge.
 
     Parameters
     ----------
     colours : ndarray, shape (..., 15, channels)
-        Colours at 15 points across each strip: three outside, nine inside, three outside.
+        Colours at 15 points across each possible beam: three outside, nine inside, three outside.
     variance : ndarray, shape (...)
         Variance of a colour, summed over the colour channels.
     """
@@ -121,12 +121,12 @@ def _steps_of_channels(channels: int) -> NDArray[np.float32]:
 
 
 def brightness_step(colours: NDArray[np.float32]) -> Array:
-    """Return, for each possible place of the beam, the brightness inside it minus that of its surroundings."""
+    """Return, for each possible beam, the brightness inside it minus that of its surroundings."""
     return np.asarray((_STEPS @ colours).mean(axis=(1, 2)), dtype=np.float64)
 
 
 def misfit(colours: NDArray[np.float32], template: NDArray[np.float32], variance: Array) -> Array:
-    """Return how much the colours inside each strip differ from remembered colours, from 0 to 2."""
+    """Return how much the colours inside each possible beam differ from `template`: from 0 (equal) to 2."""
     difference = colours[..., _INSIDE, :] - template
     square = np.einsum("...uc,...uc->...", difference, difference) / difference.shape[-2]
     return np.asarray(np.minimum(square / (_CERTAIN * variance), _LARGEST_MISFIT))
@@ -167,7 +167,5 @@ def assumed_variance(least: float, scatter: Array, inside: NDArray[np.float32]) 
 
 
 def inside_of(colours: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the colours inside the beam."""
-    # Return the colours at the middle nine of 15 points across each assumed strip of the beam. The other points lie
-    # outside the strip.
+    """Return the colours at the middle nine of 15 points across each possible beam; the others lie outside it."""
     return colours[:, _INSIDE]

@@ -19,12 +19,12 @@ _PRIOR = 0.25  # cost of a seam at one standard deviation from its expected plac
 def fall_across(
     share: Array, outward: float, across: Array, stations_in_width: float, arm_widths: float = ARM
 ) -> Array:
-    """Return how fast a weighted sum of the colours, 1 inside the beam and 0 outside, falls in the outward direction.
+    """Return, for each pixel, the mean of `share` on the inner side minus the mean on the outer side.
 
     Parameters
     ----------
     share : ndarray, shape (n, m)
-        The weighted sum in the n rows and m columns of the straightened picture of the beam.
+        Weighted sum of the colours, 1 inside the beam and 0 outside, in the straightened picture of the beam.
     outward : float
         -1 for the left edge, +1 for the right edge.
     across : ndarray, shape (m,)
@@ -32,12 +32,12 @@ def fall_across(
     stations_in_width : float
         Number of rows on a length of one width of the beam.
     arm_widths : float
-        Length on each side of a point over which the sum is averaged, in widths of the beam.
+        Length of each mean across the beam, in widths of the beam.
 
     Returns
     -------
     ndarray, shape (n, m)
-        The fall; 1 for a full step from inside to outside.
+        The differences, averaged over a few rows; 1 at an ideal edge.
     """
     arm = max(2, round(arm_widths / (across[1] - across[0])))
     padded = np.pad(share, ((0, 0), (arm, arm)), mode="edge")

@@ -41,7 +41,7 @@ def move_off_shadows(unrolled: UnrolledPicture, colour_seams: Seams, noise: floa
     Returns
     -------
     Seams
-        The edges; `shadow` is the width of the dark region inside an original edge.
+        The edges, with their attribute `shadow`: the width of a dark region inside the edge in `colour_seams`, or 0.
     """
     if unrolled.colours.shape[2] == 1:
         return colour_seams
@@ -88,15 +88,15 @@ def move_off_shadows(unrolled: UnrolledPicture, colour_seams: Seams, noise: floa
 
 
 def _is_rim(unrolled: UnrolledPicture, edge: Array, border: Array, moved: NDArray[np.bool_], window: int) -> bool:
-    """Return whether the region between two lines along one side of a beam is its rim, and not its shadow."""
-    # a rim has nearly the colour of the beam: nearly the whole change of colour is at the outer border
+    """Return whether the region between two lines along a beam, `edge` and `border`, is beam and not shadow."""
+    # A translucent rim has nearly the colour of the beam: nearly the whole change of colour is at the outer border
     colours = [colour[moved] for colour in _three_colours(unrolled, edge, border, window)]
     at_edge, at_border = (np.median(np.linalg.norm(step, axis=1)) for step in -np.diff(colours, axis=0))
     return bool(at_edge < _LEAST_BODY_STEP * at_border)
 
 
 def _has_hue_of_surroundings(unrolled: UnrolledPicture, edge: Array, border: Array, window: int) -> NDArray[np.bool_]:
-    """Return, for each row of the picture, whether the region from edge to border has the hue of the surroundings."""
+    """Return, for each row, whether the region from the line `edge` to `border` has the hue of the surroundings."""
     colours = _three_colours(unrolled, edge, border, window)
     hues = [colour / np.maximum(colour.sum(axis=1, keepdims=True), 1.0) for colour in colours]
     of_body, of_region = (np.linalg.norm(hue - hues[2], axis=1) for hue in hues[:2])
@@ -116,7 +116,7 @@ def _three_colours(unrolled: UnrolledPicture, edge: Array, border: Array, window
 
 
 def is_dimmed(unrolled: UnrolledPicture, edge: Array, border: Array, window: int) -> NDArray[np.bool_]:
-    """Return, for each row of the picture, whether the region from an edge to a border beside it is in shadow."""
+    """Return, for each row, whether the region from the line `edge` to `border` is darker than the surroundings."""
     outward = np.sign(border - edge)[:, None]
     beyond = outward * (unrolled.across - border[:, None])
     between = np.abs(unrolled.across - 0.5 * (edge + border)[:, None])
@@ -134,8 +134,7 @@ def _colours_of(unrolled: UnrolledPicture, mask: NDArray[np.bool_], window: int)
 
 
 def merged(moved: NDArray[np.bool_], where_moved: ColourProjection, elsewhere: ColourProjection) -> ColourProjection:
-    """Combine the weights of colours of two searches."""
-    # Take the weights of the colours from `where_moved` in the rows whose edge was moved, else from `elsewhere`.
+    """Return the values of `where_moved` in the rows where `moved` is True, and of `elsewhere` in the other rows."""
     values = {}
     for field in fields(where_moved):
         one, two = getattr(where_moved, field.name), getattr(elsewhere, field.name)

@@ -54,7 +54,7 @@ class Sides:
     end : int
         Number of rows before the end of the beam.
     projected : tuple of ColourProjection
-        For each edge, the weighted sum of the colours that shows it.
+        For each edge, the weights with which the weighted sum of the colours has a clear step at this edge.
     shadow : ndarray, shape (2, n)
         Distance between an edge and the border of a possible shadow of the beam; 0 without such a border.
     """
@@ -190,11 +190,11 @@ class _Chain:
     Attributes
     ----------
     stations : ndarray of int, shape (n,)
-        Indices of the joined places along the beam, from the clamp outward.
+        Indices of the edge points in these parts, from the clamp outward.
     end : ndarray, shape (2,)
         The last point of the edge, px.
     foot, direction : ndarray, shape (2,)
-        Straight line through the last points: its point nearest to `end`, px, and its unit vector away from the clamp.
+        A point (px) and the unit vector (away from the clamp) of the straight line through the last points.
     width : float
         Width of the beam near the last point, divided by its width in the specimen file; NaN if unknown.
     """

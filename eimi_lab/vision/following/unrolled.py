@@ -107,7 +107,7 @@ class UnrolledPicture:
 
 
 def unroll(fine: WorkingPicture, coarse: WorkingPicture, strip: Strip) -> UnrolledPicture | None:
-    """Sample the picture `fine` along and across the strip that the search found in the picture `coarse`.
+    """Straighten the picture `fine` of a beam whose approximate path and width, `strip`, are in px of `coarse`.
 
     Returns
     -------

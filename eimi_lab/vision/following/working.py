@@ -21,7 +21,7 @@ _LAPLACIAN_GAIN = 6.0  # standard deviation of [[1, -2, 1], [-2, 4, -2], [1, -2,
 
 @dataclass(frozen=True)
 class WorkingPicture:
-    """A scaled part of an image, in which the beam is searched.
+    """A scaled part of an image, in which the program searches for the beam.
 
     Attributes
     ----------
@@ -52,11 +52,11 @@ class WorkingPicture:
         return float(brightest - darkest)
 
     def to_picture(self, points: Array) -> Array:
-        """Convert points from px of this picture to px of the original image."""
+        """Convert points from px of this scaled part to px of the whole picture."""
         return (points + 0.5) / self.factor - 0.5 + self.origin_px
 
     def from_picture(self, points: Array) -> Array:
-        """Convert points from px of the original image to px of this picture."""
+        """Convert points from px of the whole picture to px of this scaled part."""
         return (points - self.origin_px + 0.5) * self.factor - 0.5
 
 
