@@ -45,7 +45,7 @@ kill_campaign       measurements killed at random moments: the coil and the stor
 off_campaign        time to switch the coil off, for every fault that can keep a coil on
 off_faults          the faults of `off_campaign`, and the required reactions
 spoilt_bench        a measurement at full current with a fault
-spoilt_run          `eimi` with a camera in which files cause faults
+spoilt_run          `eimi` with faults of the camera and the clock
 camera_faults       an emulated camera that loses packets, vanishes or is replaced
 emulated_supply     an emulated power supply in a separate process
 fuzz_files          reading of randomly changed files

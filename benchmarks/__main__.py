@@ -47,10 +47,15 @@ ALL = (
     Benchmark(
         "forward",
         "speed",
-        "Time of one simulated curve of 16 field states, and how it grows with candidates, states and elements.",
+        "Time of one curve of 16 field states, and its growth with candidates (sets of parameters), states, elements.",
         "why/speed.md",
     ),
-    Benchmark("mesh", "mesh_convergence", "Error of the tip of a 30 x 3 mm beam, by the mesh.", "why/verification.md"),
+    Benchmark(
+        "mesh",
+        "mesh_convergence",
+        "Error of the tip position of a 30 x 3 mm beam on different meshes.",
+        "why/verification.md",
+    ),
     Benchmark(
         "solid",
         "solid",
@@ -68,13 +73,13 @@ ALL = (
     Benchmark(
         "fit",
         "seeds",
-        "Error of the identified modulus, in per cent of the truth, by law and seed.",
+        "Error of the identified modulus, in per cent of the truth, for each law and seed.",
         "why/statistics.md",
     ),
     Benchmark(
         "report",
         "report_cost",
-        "Time and memory of `eimi report`, by datasets and fits.",
+        "Time and memory of `eimi report` for different numbers of datasets and fits.",
         "howto/report.md",
         short=("--repeats", "1"),
     ),
@@ -88,7 +93,7 @@ ALL = (
     Benchmark(
         "causes",
         "imperfect_rigs",
-        "Error of the modulus on benches with one thing wrong that no file states, and the place of the true cause.",
+        "Error of the modulus on benches with mistakes that no file states, and the rank of the true cause.",
         "why/causes.md",
         arguments=("--short", "--both", "--measured"),
         short=("--short", "--both", "--measured", "--planar", "none", "scale", "creep"),
@@ -96,14 +101,14 @@ ALL = (
     Benchmark(
         "plan",
         "plan",
-        "Half-widths in per cent of the 95 % interval of the modulus: predicted by a plan, and measured.",
+        "Half-width of the 95 % interval, in per cent of the modulus: predicted by a plan, and measured.",
         "why/planning.md",
         short=("--experiments", "1"),
     ),
     Benchmark(
         "discover",
         "discover",
-        "Terms of hidden laws: found, not identifiable or wrong; from bending with tension, and from bending alone.",
+        "How often the terms of hidden laws are right, not identifiable or wrong, with and without a tensile test.",
         "howto/discover.md",
         short=("--laws", "4"),
     ),
@@ -140,7 +145,7 @@ def heading() -> str:
     return (
         "# Benchmarks\n\n`python -m benchmarks -o docs/benchmarks.md` runs all benchmarks and writes this page.\n"
         "`--short` uses reduced sizes. `--only NAME` runs one benchmark and keeps the tables of the others. The pages\n"
-        "in the last column explain the figures.\n\n"
+        "in the last column explain the figures, and have the results of benchmarks without a section here.\n\n"
         "| name | what it measures | command | explained in |\n| --- | --- | --- | --- |\n" + rows
     )
 

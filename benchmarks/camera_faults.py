@@ -49,7 +49,7 @@ def lost_packets(size_px: tuple[int, int], share: float) -> str:
         camera = open_camera("aravis", LOOPBACK)
         assert isinstance(camera, AravisCamera)
         process.lose_packets(share)
-        received, wrong, times_s, end = 0, 0, [], "goes on"
+        received, wrong, times_s, end = 0, 0, [], "continues"
         for _ in range(FRAMES):
             began_s = time.monotonic()
             try:
@@ -62,7 +62,7 @@ def lost_packets(size_px: tuple[int, int], share: float) -> str:
             wrong += not np.array_equal(frame.image, picture(frame.number - FIRST_NUMBER, size_px))
         camera.close()
     packets = -(-size_px[0] * size_px[1] // PAYLOAD_BYTES) + 2
-    lost = ", ".join(f"{count} {reason}" for reason, count in camera.lost_frames.items() if count) or "none"
+    lost = ", ".join(f"{count} ({reason})" for reason, count in camera.lost_frames.items() if count) or "none"
     spent = f"{1e3 * np.median(times_s):.0f} ms, at most {max(times_s):.2f} s" if times_s else "none"
     size = f"{size_px[0]} x {size_px[1]}, {packets} packets"
     return f"| {100 * share:g} % of the packets lost | {size} | {received} | {wrong} | {lost} | {spent} | {end} |"
@@ -98,22 +98,32 @@ def vanished(what: str, serial_number: str | None) -> str:
 
 def rounded_region() -> str:
     """Return a table row for a camera that rounds the requested height of the picture."""
+    words = "| the camera reports another region"
     with gige_process(partial(pictures, SIZES_PX[0]), SIZES_PX[0], rows_step=16):
         try:
             open_camera("aravis", LOOPBACK, CameraSettings(region=(0, 0, 128, 90))).close()
         except InstrumentError as error:
-            return f"| a region that reads back different | | 0 | 0 | | | {type(error).__name__} when it is opened |"
-    return "| a region that reads back different | | | | | | taken |"
+            return f"{words} | | 0 | 0 | | | {type(error).__name__} when the camera is opened |"
+    return f"{words} | | | | | | not noticed |"
 
 
 def main() -> None:
-    print("| fault | frame | frames | wrong | lost | time of a frame | driver |")
+    heads = (
+        "fault",
+        "frame size",
+        "complete frames",
+        "wrong frames",
+        "lost frames",
+        "time of a frame",
+        "driver's reaction",
+    )
+    print(f"| {' | '.join(heads)} |")
     print("| --- | --- | --- | --- | --- | --- | --- |")
     for size_px in SIZES_PX:
         for share in (0.0, 0.001, 0.02):
             print(lost_packets(size_px, share), flush=True)
     print(vanished("camera killed", None), flush=True)
-    print(vanished("camera killed and back", "EIMI01"), flush=True)
+    print(vanished("camera killed and back at once", "EIMI01"), flush=True)
     print(vanished("another camera at its address", "EIMI02"), flush=True)
     print(rounded_region())
 

@@ -35,6 +35,11 @@ SWEEP = {
     "clipped back-light": replace(NOMINAL, background=1.2),
     "gamma 2.2": replace(NOMINAL, gamma=2.2),
 }
+EXPLANATION = """\
+error along the normal, outward positive, px; pull: RMS of error over stated standard deviation; "of one angle": range
+of the pulls of single tip angles; hard: a difficult picture (blurred, noisy, uneven light); lumps: uneven light in
+patches; "n px": width of the silicone on each side of the magnet, and "it" is this width; Devernay: points of largest
+gradient, located between pixels (INRIA RR-2724, 1995)"""
 ANGLES_DEG = (-110.0, -75.0, -40.0, -10.0, 0.0, 3.0, 20.0, 55.0, 90.0, 110.0)
 FEW_ANGLES_DEG = (-75.0, 0.0, 3.0, 40.0)
 
@@ -47,7 +52,7 @@ def _print_overall(name: str, rows: list[dict[str, Any]]) -> None:
 
 def main() -> None:
     cv2.setNumThreads(1)
-    print("error along the normal, outward positive, px; pull: RMS of error over stated standard deviation")
+    print(EXPLANATION)
     print("\n| condition | bias left | right | RMS left | right | largest | pull | of one angle | ms |")
     print("| --- | --- | --- | --- | --- | --- | --- | --- | --- |")
     for name, optics in (CONDITIONS | SWEEP).items():

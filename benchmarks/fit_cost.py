@@ -128,7 +128,10 @@ def main() -> None:
             print(f"| {states} | {' | '.join(costs)} | {task_kB(path, 'solid'):.0f} |", flush=True)
     tracked = [(states, points_ms(states)) for states in POINT_STATES]
     exponent = np.polyfit(*np.log(np.array(tracked)).T, 1)[0]
-    print(f"\n{POINTS} tracked points, misfit of eight candidates, ms by states (exponent {exponent:.2f}): ", end="")
+    print(
+        f"\nms to compare eight candidates with {POINTS} tracked points, by number of states (slope {exponent:.2f}): ",
+        end="",
+    )
     print(", ".join(f"{states}: {ms:.1f}" for states, ms in tracked))
 
 

@@ -45,11 +45,12 @@ def tip(mesh: tuple[int, int]) -> np.ndarray:
 def main() -> None:
     reference = tip(FINEST)
     deflection = np.linalg.norm(reference - [30.0, 0.0])
-    print(f"{FINEST[0]} x {FINEST[1]} elements: tip at ({reference[0]:.4f}, {reference[1]:.4f}) mm")
+    print(f"{FINEST[0]} x {FINEST[1]} elements (reference): tip at ({reference[0]:.4f}, {reference[1]:.4f}) mm")
     errors = []
     for mesh in MESHES:
         errors.append(float(np.linalg.norm(tip(mesh) - reference)))
-        print(f"{mesh[0]:3d} x {mesh[1]}: off by {1e3 * errors[-1]:7.2f} µm, {100 * errors[-1] / deflection:.4f} %")
+        percent = 100 * errors[-1] / deflection
+        print(f"{mesh[0]:3d} x {mesh[1]}: error {1e3 * errors[-1]:7.2f} µm, {percent:.4f} % of the deflection")
     if len(sys.argv) > 1:
         draw(100 * np.array(errors) / deflection, sys.argv[1])
 

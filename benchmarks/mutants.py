@@ -176,10 +176,7 @@ def tried(mutant: Mutant, copy: Path) -> tuple[str, str]:
 
 
 def _tried_without(left_out: Sequence[str], mutant: Mutant, copy: Path) -> tuple[str, str]:
-    """Put a mistake into a copy of the project, run its tests without some of them, and restore the copy.
-
-    Return "caught", "survived" or "broken", and a line of the output. left_out: options of pytest that deselect tests.
-    """
+    # The results are those of `tried`. `left_out`: options of pytest that deselect tests.
     file = copy / mutant.file
     right, stat = file.read_bytes(), file.stat()
     file.write_text(mutant.applied(right.decode("utf-8")), encoding="utf-8")

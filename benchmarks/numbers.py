@@ -3,8 +3,9 @@
     python -m benchmarks.numbers -o before.json [--quick]
     python -m benchmarks.numbers --against before.json [--rtol 1e-9] [--quick] [-o after.json]
 
-The script prints the largest relative difference of each quantity, missing quantities, and different words. The exit
-status is 1 if a difference is larger than --rtol or a quantity is missing. --quick runs only a short `eimi demo`.
+The script prints the largest relative difference of each quantity (infinite for different texts), and the missing and
+new quantities. The exit status is 1 if a difference is larger than --rtol or a quantity is missing. --quick runs only a
+short `eimi demo`.
 """
 
 from __future__ import annotations
@@ -97,9 +98,9 @@ def measure(quick: bool) -> dict[str, Json]:
 
 
 def leaves(node: Json, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Json]]:
-    """Yield the numbers, lists of numbers and words in a JSON structure, each after its keys and indices.
+    """Yield pairs (path, value) for the numbers, lists of numbers and texts in a JSON structure.
 
-    Values that describe the run, such as times and paths, are left out.
+    The path contains keys and indices. Values that describe the run, such as times and file paths, are left out.
     """
     if isinstance(node, dict):
         for key, value in node.items():
@@ -113,9 +114,9 @@ def leaves(node: Json, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, 
 
 
 def difference(before: Json, after: Json) -> float:
-    """Return the largest difference of two values, divided by the largest absolute value.
+    """Return the largest difference of two numbers or lists of numbers, divided by the largest absolute number in them.
 
-    It is infinite for lists of different length and for different words.
+    The result is infinite for lists of different length and for different texts.
     """
     if before == after:
         return 0.0

@@ -60,10 +60,10 @@ class Outcome:
 
 
 def attempt(fault: Fault, after_s: float, patience: float) -> Outcome:
-    """Run one trial, and return its result.
+    """Start a measurement, cause a fault, and return how long the coil stayed on and how many states were lost.
 
     The fault comes `after_s` seconds after the full current. `patience` multiplies the time limit, for slow machines. A
-    trial that fails before its fault, because the computer is too busy, is repeated.
+    measurement that ends before the fault, because the computer is too busy, is repeated.
     """
     for _ in range(STARTS_AT_MOST - 1):
         with suppress(LateAnswer):
@@ -72,7 +72,7 @@ def attempt(fault: Fault, after_s: float, patience: float) -> Outcome:
 
 
 def _attempt(fault: Fault, after_s: float, patience: float) -> Outcome:
-    """Run one trial. Raises LateAnswer if the supply or the guardian answers too late before the fault."""
+    # Raises LateAnswer if the run ends before the fault, because the supply or the guardian answered too late.
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         make_bench(folder)

@@ -8,7 +8,7 @@ silent   there is no warning, but the distance (root mean square) from the trace
          of the traced edges; no picture may be silent
 right    the edges are good by the rules of `benchmarks.real_pictures`
 doubted  a warning marks the edges as doubtful
-thin     there are too few edge points, or the distances are too large
+poor     no warning; not silent, but there are too few edge points, or the distances are too large to be right
 
 --change NAME     Make only the change NAME (may be given several times).
 --overlay FOLDER  Draw the detected edges of all pictures that are not right.
@@ -28,7 +28,7 @@ from eimi_lab.vision.edges.overlay import draw_overlay
 from tests.shared.perturbed_pictures import CHANGES, perturbed
 from tests.shared.real_pictures import PICTURES, PictureScore, pictures
 
-_VERDICTS = ("right", "doubted", "refused", "thin", "silent")
+_VERDICTS = ("right", "doubted", "refused", "poor", "silent")
 
 
 def verdict(edges: EdgeSet, scored: PictureScore) -> str:
@@ -40,7 +40,7 @@ def verdict(edges: EdgeSet, scored: PictureScore) -> str:
         return "silent"
     if scored.good:
         return "right"
-    return "doubted" if Severity.DOUBTFUL in severities else "thin"
+    return "doubted" if Severity.DOUBTFUL in severities else "poor"
 
 
 def main() -> None:

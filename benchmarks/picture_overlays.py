@@ -30,7 +30,7 @@ _SEED = 1
 
 
 def draw_real(axes: Axes, picture: Picture) -> None:
-    """Draw the traced edges (grey), the detected left edge (blue) and right edge (orange), and the clamp."""
+    """Draw the reference edges (grey), the detected left edge (blue) and right edge (orange), and the clamp."""
     reference = json.loads((picture.folder / "reference.json").read_text())
     edges = picture.edges()
     scored = picture.score(edges, picture.calibration)

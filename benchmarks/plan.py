@@ -20,6 +20,12 @@ from eimi_lab.config.specimen import load_specimen
 from tests.shared.planned_states import FIELD_MT, Bench, Setting, fitted, half_percent, measured, planned
 from tests.shared.virtual_measurements import stated
 
+EXPLANATION = """\
+equal steps: half-width with equally spaced fields; share: measured over equal steps; largest error: of the predicted
+half-width; bound: computed lower bound, which is as uncertain as a prediction, so that a measured half-width may lie
+slightly below it; noise alone: the inputs are exact; bench: the inputs have the uncertainties of the bench example;
+last row: fields, mounting, tip weight and shape"""
+
 
 def row(
     name: str, before: Setting, after: Sequence[Setting], bench: Bench, *, states: int, runs: int, seed: int
@@ -88,6 +94,7 @@ def main() -> None:
     row("fields and mounting; bench", hanging, [hanging, *mounted], bench, **common)
     row("fields, mounting and a tip weight; bench", hanging, [hanging, *mounted, *weighed], bench, **common)
     row("… and another shape; bench", hanging, [hanging, *mounted, *weighed, *shaped], bench, **common)
+    print(f"\n{EXPLANATION}")
 
 
 if __name__ == "__main__":

@@ -54,7 +54,7 @@ class Entry:
 
 @dataclass(frozen=True)
 class Ranked:
-    """The fit of a bench that differs from its files, and the possible causes of its residuals.
+    """A fit to simulated data with known errors, such as a tilted camera, and the possible causes of its residuals.
 
     Attributes
     ----------
@@ -126,12 +126,12 @@ class Ranked:
 
     @property
     def is_first(self) -> bool:
-        """Whether the true cause is the most probable one, or two true causes are the two most probable ones."""
+        """Whether the true cause is the most probable one; of two true causes, whether both are in the first two."""
         return self.true <= {entry.name for entry in self.causes[: len(self.true)]}
 
     @property
     def is_second(self) -> bool:
-        """Whether the true cause is among the two most probable ones, or two true ones are among the first three."""
+        """Whether the true cause is among the first two; of two true causes, whether both are in the first three."""
         return self.true <= {entry.name for entry in self.causes[: len(self.true) + 1]}
 
     @property

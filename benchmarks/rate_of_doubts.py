@@ -38,7 +38,7 @@ _NEGLIGIBLE = 0.3  # error of the value of a cause that is right in any case, in
 
 
 def drawn_bench(seed: int) -> Imperfection:
-    """Return a bench whose true inputs have random errors with the standard deviations that its files state."""
+    """Return a bench whose true inputs differ from the stated ones by random errors with the stated uncertainties."""
     deviations = _deviations(seed)
     setup = Setup.of(((s, part, value) for s, values in deviations.items() for part, value in enumerate(values)), 1)
     return Imperfection(
@@ -105,7 +105,7 @@ def wrong(one: Ranked, values: Mapping[str, float]) -> list[str]:
 
 
 def counts(results: Sequence[Ranked], values: Sequence[Mapping[str, float]]) -> str:
-    """Return lines that count the fits with a named cause, with a wrong cause, and with any warning.
+    """Return lines of text: how many fits name a cause of their residuals, name a wrong one, or give a warning.
 
     ``values`` contains the true sizes of the causes for each fit.
     """

@@ -118,7 +118,7 @@ def main() -> None:
     if not PICTURES.is_dir():
         print(f"{PICTURES} is not there: nothing to measure")
         return
-    print("| picture | points | coverage | median px | 95 % px | stated over seen | s | flags |\n|" + " --- |" * 8)
+    print("| picture | points | coverage | median px | 95 % px | stated over observed | s | flags |\n|" + " --- |" * 8)
     rng = np.random.default_rng(1)
     counts = {"good": 0, "thin": 0, "WRONG": 0, "refused": 0}
     for group in ("development",) if options.clicks else ("development", "refusal"):

@@ -42,7 +42,7 @@ def measured(model: str, seed: int) -> Experiment:
 
 
 def main() -> None:
-    print("law            off by, % of the truth, seeds 1 to 5        largest")
+    print("law            error, % of the truth, seeds 1 to 5         largest")
     for model, truth in TRUTH.items():
         expected = float(LAWS[model].initial_shear_modulus(np.array(truth)))
         fits = [identify(model, [measured(model, seed)], seed=seed) for seed in range(1, 6)]

@@ -2,8 +2,8 @@
 
 python -m benchmarks.solid_mesh [--short] [NAME...]
 
-The correction is the change of the tip's rotation between the same mesh and a finer mesh of the planar model. NAME
-selects specimens; --short computes one specimen on one mesh.
+The correction is computed with the planar model: the tip's rotation on a fine planar mesh, minus the rotation on a
+planar mesh that is as coarse as the solid mesh. NAME selects specimens; --short computes one specimen on one mesh.
 """
 
 from __future__ import annotations

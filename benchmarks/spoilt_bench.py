@@ -34,7 +34,7 @@ NAMES = 6000
 
 
 class LateAnswer(RuntimeError):
-    """The supply or the guardian did not answer in time before the fault began, because the computer is busy."""
+    """The measurement ended before the fault, because an answer came too late on a busy computer."""
 
 
 class Supply:
@@ -89,7 +89,7 @@ class Supply:
         return off_s
 
     def true_A(self, at_s: float) -> float:
-        """Return the current (A) that the emulated supply last reported up to the time `at_s` (s, monotonic clock)."""
+        """Return the true current (A) of the emulated supply at the time `at_s` (s, monotonic clock)."""
         return next((true_A for change_s, _, _, true_A in reversed(self.changes) if change_s <= at_s), 0.0)
 
     def close(self) -> None:
@@ -141,10 +141,7 @@ class Trial:
         self.guardian = self._find_guardian()
 
     def require_running(self) -> None:
-        """Raise LateAnswer if the run has ended because an answer of the supply or of the guardian was late.
-
-        Raises RuntimeError if it has ended for another reason.
-        """
+        """Raise an error if the run has ended: LateAnswer if an answer came too late, else RuntimeError."""
         if self.process.poll() is None:
             return
         if not self.unread:
@@ -214,10 +211,8 @@ maximum = 12.0
             os.kill(self.guardian, signal.SIGKILL)
 
     def _is_unidentified(self) -> bool:
-        """Return whether the guardian reported, over `TRIES_FOR_S` s ago, that it cannot identify the coil's supply.
-
-        The guardian is the process that switches the coil off after a failed run.
-        """
+        # Whether the guardian, the process that switches the coil off after a failed run, reported more than
+        # `TRIES_FOR_S` s ago that it cannot identify the supply of the coil.
         reported_s = [at_s for line, at_s in zip(self.lines, self.arrived_s, strict=False) if UNIDENTIFIED in line]
         return bool(reported_s) and time.monotonic() - reported_s[0] > TRIES_FOR_S
 

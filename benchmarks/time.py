@@ -1,9 +1,9 @@
 """Verify frequencies, loss factors and viscoelastic (Prony) laws.
 
-python -m benchmarks.time [--hidden MATERIALS] [--seed SEED]
+python -m benchmarks.time [--hidden N] [--seed SEED]
 
 The first table compares computed frequencies with Euler-Bernoulli beams, with exact values of two oscillators, and with
-a simulated free vibration. The second table shows the errors of fits of simulated materials with two Prony terms.
+a simulated free vibration. The second table shows the errors of fits of N simulated materials with two Prony terms.
 """
 
 from __future__ import annotations

@@ -42,7 +42,7 @@ class KeptTable(RingTable):
 
 @contextmanager
 def tables_shared(store: Path) -> Iterator[None]:
-    """Let all fits in the `with` block share their computed tables, which are kept in the file `store`."""
+    """Let fits in the `with` block share computed frequencies and other slow results, kept in the file `store`."""
     _KEPT.update(pickle.loads(store.read_bytes()) if store.exists() else {})
     loaded = len(_KEPT)
 

@@ -1,3 +1,3 @@
-"""The time limit of everything for which a test waits; it ends only a test that would never end."""
+"""A long time limit (s) for everything that a test waits for; only a test that hangs reaches it."""
 
 PATIENCE_S = 600.0

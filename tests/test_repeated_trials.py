@@ -1,4 +1,4 @@
-"""A trial of switching off is started again if a late answer of the supply ends it before its fault begins."""
+"""The benchmark `off_campaign` repeats a trial if the supply answers too late before the planned fault."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The probabilities and sizes of bench errors follow from the sets of errors by sums that a person can do."""
+"""Probabilities of single causes of residuals, from those of combinations of causes, agree with sums by hand."""
 
 from __future__ import annotations
 

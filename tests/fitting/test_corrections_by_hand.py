@@ -1,4 +1,4 @@
-"""The corrections of a fit by accurate beam models; small prepared numbers replace the results of simulations."""
+"""An accurate beam model corrects the residuals of a fast one; invented numbers replace the simulations."""
 
 from __future__ import annotations
 

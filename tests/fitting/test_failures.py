@@ -27,7 +27,7 @@ SOUND = {
     "yeoh": [23e3, 1e3, 100.0],
     "ogden": [2e4, 1.7, 100.0, 8.0, -5e3, -2.5],
 }
-MOST_TANGENTS = 25 * (1 + 4 + 16)  # the iterations in one state: those of all load steps after both divisions
+MOST_TANGENTS = 25 * (1 + 4 + 16)  # the iterations in one state: those of all load steps after two divisions
 END = Magnet(4.0, 3.0, 2.0, 1.2, 7500.0)
 SPECIMENS = {
     "magnet at the end": Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", END),

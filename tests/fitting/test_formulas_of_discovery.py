@@ -1,4 +1,4 @@
-"""The equations and the statements of the search for the terms of a law, against values computed by hand."""
+"""The search for the terms of a material law computes and reports the same values as a calculation by hand."""
 
 from __future__ import annotations
 

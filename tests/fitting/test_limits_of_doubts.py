@@ -1,4 +1,4 @@
-"""A fit gives a warning or names a cause if a quantity is just above its limit, and not just below."""
+"""A fit gives a warning or names a cause if a quantity is just above its limit, but not if it is just below."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Steps of the statistical inference change just at their limits."""
+"""Optimisation, intervals and planning keep their numerical limits, such as a largest number of steps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Correlations, tests of randomness, units and suggestions of names agree with small sums by hand."""
+"""Statistics of residuals agree with sums by hand, moduli have suitable units, and misspelt names get a suggestion."""
 
 from __future__ import annotations
 

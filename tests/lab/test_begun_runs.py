@@ -1,4 +1,4 @@
-"""A run and a calibration of the coil open their parts in order, and hand each part what it needs."""
+"""A run and a coil calibration call their instruments and checks in the right order, with the right arguments."""
 
 from __future__ import annotations
 

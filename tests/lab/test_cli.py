@@ -168,7 +168,7 @@ def test_the_help_shows_every_command_once_in_its_group_with_a_complete_summary(
 
     text = shown()
     groups = text[text.index("Measure:") :].split("\n\n")
-    assert [group.splitlines()[0] for group in groups] == ["Measure:", "Prepare:", "Fit:", "Look:"]
+    assert [group.splitlines()[0] for group in groups] == ["Measure:", "Prepare:", "Fit:", "Other:"]
     rows = [row.split(maxsplit=1) for group in groups for row in group.strip().splitlines()[1:]]
     assert sorted(name for name, _ in rows) == sorted(EXAMPLES)
     for name, summary in rows:

@@ -817,7 +817,7 @@ def test_options_of_tracked_points_place_them() -> None:
 @pytest.mark.parametrize(("as_json", "quiet"), [(False, False), (False, True), (True, False), (True, True)])
 def test_a_result_is_printed_once(capsys: pytest.CaptureFixture[str], as_json: bool, quiet: bool) -> None:
     def command(*, path: Path, count: int = 3) -> Result:
-        """Do it."""
+        """Return the two parameters."""
         return Result(["a", path], {"count": count, "path": path, "µ": None})
 
     run = printing(command)
@@ -828,7 +828,7 @@ def test_a_result_is_printed_once(capsys: pytest.CaptureFixture[str], as_json: b
         (True, False): '{\n "count": 4,\n "path": "x",\n "µ": null\n}\n',
     }
     assert capsys.readouterr().out == printed.get((as_json, quiet), printed[True, False])
-    assert (run.__name__, run.__doc__) == ("command", "Do it.")
+    assert (run.__name__, run.__doc__) == ("command", "Return the two parameters.")
     assert list(run.__annotations__) == ["path", "count", "as_json", "quiet"]
     printing(lambda: Result([], {}))(as_json=False, quiet=False)
     assert capsys.readouterr().out == ""

@@ -1,4 +1,4 @@
-"""The data, options and errors of a fit, against values computed by hand, at both sides of each limit."""
+"""The data, options and errors of a fit agree with hand calculations, also just below and above each threshold."""
 
 from __future__ import annotations
 

@@ -137,7 +137,7 @@ def test_clicks_at_their_limits_are_accepted() -> None:
     with pytest.raises(InputError, match="the tip is 44"):
         clicked(tip_px=[2761, 1400])
     assert clicked(stand_off_mm=12.0).calibration.stand_off_mm == 12.0
-    with pytest.raises(InputError, match="less than twice depth_mm = 6"):
+    with pytest.raises(InputError, match="less than twice the beam's depth_mm = 6"):
         clicked(stand_off_mm=11.9)
     near = {"ruler_px": [[1000, 600], [1040, 600]], "ruler_mm": 1.0}
     assert clicked(**near).calibration.pixels_per_mm == 40.0

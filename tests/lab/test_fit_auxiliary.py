@@ -199,8 +199,14 @@ def test_an_undetermined_parameter_is_marked_wherever_it_is_shown(tmp_path: Path
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
-        (("--free", "moment"), "--free moment: should be a standard deviation such as moment=0.02"),
-        (("--free", "section=0.1"), "--free section=0.1: should be a standard deviation such as moment=0.02"),
+        (
+            ("--free", "moment"),
+            "--free moment: should be an input with its standard deviation, such as moment=0.02",
+        ),
+        (
+            ("--free", "section=0.1"),
+            "--free section=0.1: should be an input with its standard deviation, such as moment=0.02",
+        ),
         (("--free", "roll=-1"), "--free roll=-1: should be roll=NUMBER above 0, at most 45 (degrees)"),
         (("--free", "moment=2"), "--free moment=2: should be moment=NUMBER above 0, at most 0.5 (relative)"),
         (("--free", "roll=0.1", "--free", "roll=0.2"), "--free roll=0.2: roll is given twice"),

@@ -1,4 +1,4 @@
-"""The search for the beam in a picture agrees with plain formulas, and is symmetric."""
+"""The search for a beam in a picture agrees with its formulas, and a mirrored picture gives a mirrored beam."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A run that gets a signal, loses its guardian process or ends makes the right calls in the right order."""
+"""A run calls its instruments in the right order after a signal, after a failure and when it ends."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every Ctrl-C ends the program with a report, also a second one, and one during a destructor."""
+"""Ctrl-C ends the program with a report, also if it is pressed twice or arrives in a destructor."""
 
 # In a destructor, Python ignores the exception that a Ctrl-C raises.
 

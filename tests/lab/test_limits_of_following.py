@@ -1,4 +1,4 @@
-"""The limits of following a beam decide just below and just above their values."""
+"""The following of a beam in a picture decides rightly just below and just above its thresholds."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The limits of the search for edges decide just below and just above their values, and calls are made in order."""
+"""The search for edges decides correctly just below and above each threshold; without a beam, it tries other inputs."""
 
 from __future__ import annotations
 

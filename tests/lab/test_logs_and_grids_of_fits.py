@@ -1,4 +1,4 @@
-"""Stored steps of a search, fits for many combinations of inputs, predictions and material cards are right."""
+"""Stored searches, predictions, material cards, and fits for many combinations of inputs have the expected contents."""
 
 from __future__ import annotations
 

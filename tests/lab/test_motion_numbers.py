@@ -1,4 +1,4 @@
-"""Recorded motions are divided at each flick; release times and computed values agree with formulas."""
+"""A recording is divided at each brief push of the beam; release times and other results agree with formulas."""
 
 from __future__ import annotations
 

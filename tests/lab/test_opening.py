@@ -1,4 +1,4 @@
-"""A run opens lock, guardian, supply, sensors and camera of a bench in this order, and closes them in reverse order."""
+"""A run opens the instruments of a bench in a fixed order, and closes them in the reverse order."""
 
 from __future__ import annotations
 

@@ -75,8 +75,11 @@ def test_the_inputs_to_fit_have_a_name_and_a_number() -> None:
     }
     for free, words in (
         (["width=0.1", "width"], "--free width: width is given twice"),
-        (["moment"], "--free moment: should be a standard deviation such as "),
-        (["size=1"], r"--free size=1: should be a standard deviation such as moment=0\.02 \(relative\)"),
+        (["moment"], "--free moment: should be an input with its standard deviation, such as "),
+        (
+            ["size=1"],
+            r"--free size=1: should be an input with its standard deviation, such as moment=0\.02 \(relative\)",
+        ),
         (["width=a"], r"--free width=a: should be width=NUMBER above 0, at most 10 \(mm\)"),
         (["width=0"], "--free width=0: should be width=NUMBER above 0"),
         (["tilt=99"], r"--free tilt=99: should be tilt=NUMBER above 0, at most \d+ \(degrees\)"),

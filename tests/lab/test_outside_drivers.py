@@ -44,7 +44,7 @@ eye = mine_lab:Eye
 
 @pytest.fixture
 def outside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """A folder on Python's path with the package `mine_lab`, which does not announce its drivers."""
+    # A folder on Python's path with the package `mine_lab`, which does not announce its drivers.
     folder = tmp_path / "site-packages"
     folder.mkdir()
     shutil.copy(PACKAGE, folder)
@@ -55,7 +55,7 @@ def outside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 @pytest.fixture
 def lab(outside: Path) -> Any:
-    """The module `mine_lab` with a supply driver and a camera driver."""
+    # The module `mine_lab` with a supply driver and a camera driver.
     import mine_lab
 
     return mine_lab
@@ -63,7 +63,7 @@ def lab(outside: Path) -> Any:
 
 @pytest.fixture
 def added(lab: Any) -> Iterator[None]:
-    """Register the drivers of `mine_lab` under the names "mine" and "eye" for one test."""
+    # Register the drivers of `mine_lab` under the names "mine" and "eye" for one test.
     SUPPLIES["mine"], CAMERAS["eye"] = lab.Mine, lab.Eye
     yield
     del SUPPLIES["mine"], CAMERAS["eye"]
@@ -71,7 +71,7 @@ def added(lab: Any) -> Iterator[None]:
 
 @pytest.fixture
 def rig(files: Path) -> Callable[..., Path]:
-    """Return a function that writes rig.toml with the drivers of `mine_lab`, and returns its path."""
+    # Return a function that writes rig.toml with the drivers of `mine_lab`, and returns its path.
 
     def write(address: str, supply: str = "mine", camera: str = "eye") -> Path:
         (files / "rig.toml").write_text(f"""
@@ -86,7 +86,7 @@ camera = {{ driver = "{camera}", source = "wall" }}
 
 
 def announce(folder: Path) -> None:
-    """Write the metadata by which the package `mine_lab` announces its drivers."""
+    # Write the metadata by which the package `mine_lab` announces its drivers.
     information = folder / "mine_lab-1.0.dist-info"
     information.mkdir()
     (information / "METADATA").write_text("Metadata-Version: 2.1\nName: mine-lab\nVersion: 1.0\n")
@@ -250,7 +250,7 @@ Mine.{member} = _fail_after(Mine.{member})
 
 
 def spoil(outside: Path, driver: str, member: str) -> None:
-    """Remove the method `member` from a driver in `mine_lab`."""
+    # Rename the method `member` in the copy of mine_lab.py, so that the driver lacks it.
     path = outside / "mine_lab.py"
     head, _, body = path.read_text().partition(f"class {driver}:")
     assert f"def {member}(" in body
@@ -298,7 +298,7 @@ def test_the_driver_that_a_function_opens_is_checked_and_closed(lab: Any) -> Non
 def test_a_driver_without_a_transport_has_no_transcript(lab: Any, tmp_path: Path) -> None:
     SUPPLIES["mine"] = lab.Mine
     try:
-        with pytest.raises(UnusableDriver, match=r"no connect\(address\), so no transcript can be written"):
+        with pytest.raises(UnusableDriver, match=r"no function connect\(address\), so its messages cannot be recorded"):
             open_supply("mine", "/dev/none", LIMITS, transcript=tmp_path / "wire.txt")
     finally:
         del SUPPLIES["mine"]

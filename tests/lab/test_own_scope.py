@@ -1,4 +1,4 @@
-"""The guardian (the process that switches the coil off) asks systemd for a control group of its own, if possible."""
+"""The process that switches the coil off asks systemd for its own scope, to outlive the program that started it."""
 
 from __future__ import annotations
 

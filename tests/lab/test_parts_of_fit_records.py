@@ -1,4 +1,4 @@
-"""Parts of the evidence and of the records of fits, with stand-ins for datasets and searches."""
+"""The inputs of a fit and its stored results have the right values; datasets and searches are stand-ins."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A protocol with both signs of the current works on the virtual rig, and on supplies that cannot reverse it."""
+"""A run measures with both signs of the current; if the supply cannot reverse it, the leads of the coil are swapped."""
 
 from __future__ import annotations
 

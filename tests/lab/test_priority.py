@@ -1,4 +1,4 @@
-"""A process that gives way to other processes has a lower priority, also among the processes of other sessions."""
+"""A process that gives way lowers its priority, and that of its Linux session (setsid) if it leads the session."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Published moduli are selected by the name of the silicone, and converted by the rule in the table."""
+"""Published moduli are found by the name of the silicone; a stress at 100 % strain becomes a shear modulus."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files that are refused before their data are read, each in one line that begins with the path of the file."""
+"""Unsuitable files are refused before their data are read; the error message is one line and begins with the path."""
 
 from __future__ import annotations
 

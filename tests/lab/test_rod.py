@@ -1,4 +1,4 @@
-"""The rod of the virtual rig bends and vibrates like the solid whose stiffness it has."""
+"""The rod model of the virtual rig bends and vibrates like the solid model of the same beam."""
 
 from __future__ import annotations
 

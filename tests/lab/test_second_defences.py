@@ -1,4 +1,4 @@
-"""The wait for rest, the check of the current, the guardian process and the limits of a run work, each alone."""
+"""Each safeguard of a run is tested separately: wait for rest, check of the current, guardian process, limits."""
 
 from __future__ import annotations
 

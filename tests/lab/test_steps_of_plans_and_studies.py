@@ -1,4 +1,4 @@
-"""The functions that plan runs and compute studies call each other with the right values."""
+"""The plan of a run, the discovery of a law and the study with simulated specimens pass on the right values."""
 
 from __future__ import annotations
 

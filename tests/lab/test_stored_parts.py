@@ -1,4 +1,4 @@
-"""Tables, frames, plots, copies and listed pictures of a dataset are right."""
+"""Tables, frames, plots and copies of a dataset are right, and so are imported pictures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Numbers and sentences of the study of hidden materials agree with calculations by hand."""
+"""The study of laws fitted to simulated specimens gives the numbers and sentences computed by hand."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A run is taken up where it ended, if its files, instruments and frames are the same, and is not replaced."""
+"""An unfinished run is not overwritten by default, and continues only with the same files, instruments and frames."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ Hook = Callable[[Scene, Array], Array]
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of photograph: the functions that paint its difficulty, and its sizes.
+    """A kind of photograph: the functions that paint its glare, shadows, objects or noise, and its sizes.
 
     behind, front, light, camera : paint behind the beam, before it, on its surface, on the whole picture
     size : size of the picture relative to 960 x 720 px

@@ -133,7 +133,7 @@ def mutated(raw: bytes, random: np.random.Generator) -> bytes:
 
 
 def recovered(path: Path) -> str:
-    """Recover a dataset; return "read", or how it was refused: with an error message of one line or of several."""
+    # Recover a dataset; return "read", "refused", or "refused in several lines" (of a message, which should have one).
     try:
         copy_readable(path, path.with_name("copy.h5"))
     except InputError as error:

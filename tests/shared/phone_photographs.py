@@ -32,7 +32,7 @@ _DISTANT = 90.0  # smallest distance of the colours of beam and wall
 
 @dataclass(frozen=True)
 class PhoneScene:
-    """The true properties of a set of photographs. The world frame points right, down and away from the clamp.
+    """The true properties of photographs. World axes, with the origin at the clamp: right, down, away from the camera.
 
     Attributes
     ----------

@@ -51,7 +51,7 @@ class Setting:
 class Bench:
     """The stated uncertainties of a simulated bench, and the noise of its edge points.
 
-    noise_mm : standard deviation of both parts of the noise, white and correlated along the edge
+    noise_mm : standard deviation of each part of the noise: white, and correlated along the edge
     """
 
     stated: tuple[StatedSource, ...]

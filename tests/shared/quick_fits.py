@@ -1,4 +1,4 @@
-"""Experiments with small, unsymmetric sets of measured edges and points, for fits with quick beams."""
+"""Experiments with few measured points, for quick tests of fits; a formula replaces the finite-element beam model."""
 
 from __future__ import annotations
 

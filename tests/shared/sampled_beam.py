@@ -14,10 +14,9 @@ EDGES = np.outer([-0.5, 0.5], np.ones(60))
 
 
 def unrolled(colours: Array, stated: float = 1.0, faces: tuple[float, float] = (0.0, 0.0)) -> UnrolledPicture:
-    """Return colours that are sampled every 2 px along, and every px across, a straight vertical beam 24 px wide.
-
-    stated, faces : expected width of the beam and widths of its visible side faces, relative to 24 px
-    """
+    # Return the picture of a straight vertical beam, 24 px wide, with given colours: one row for every 2 px along the
+    # beam, one column for every px across it. `stated` is the width of the beam in the specimen file, `faces` are the
+    # widths of its visible side faces; these are divided by 24 px.
     stations = len(colours)
     return UnrolledPicture(
         colours=colours.astype(np.float32),

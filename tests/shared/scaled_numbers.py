@@ -1,4 +1,4 @@
-"""Describe the numbers of a result so that small values count as much as large ones."""
+"""Write a result as lines of text, with each array scaled to values near 1, for comparison with a reference file."""
 
 from __future__ import annotations
 

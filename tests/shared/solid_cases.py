@@ -99,10 +99,10 @@ def even_stretch(name: str, along: float, across: float) -> float:
 
 
 def torsion(name: str, divisions: int, twist: float = 1.0) -> tuple[float, float]:
-    """Twist a unit cube about z; return the largest error of a displacement, and the torque divided by mu twist / 6.
+    """Twist a unit cube about z; return the largest error of a displacement, and the torque divided by its exact value.
 
-    Exact solution: Rivlin 1948, Phil. Trans. R. Soc. A 241:379; mu is the shear modulus.
-    name : the law
+    Exact solution: Rivlin 1948, Phil. Trans. R. Soc. A 241:379.
+    name : the law, neo-hookean or mooney-rivlin
     divisions : number of elements along a side
     twist : angle for each unit of z (rad)
     """
@@ -208,7 +208,8 @@ def drop(specimen: Specimen, mu: float, along: int, across: int, more: int = 0) 
     """Return by how many mm the tip of a horizontal solid beam sinks under its weight.
 
     mu : shear modulus in Pa
-    along, across, more : numbers of elements; `more` are additional ones in depth
+    along, across : numbers of elements
+    more : elements in depth in addition to the usual number
     """
     model = SolidModel(specimen, along, across, more)
     loads = Loads.along(np.zeros(4), 90.0, -90.0)

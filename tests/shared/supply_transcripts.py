@@ -12,7 +12,7 @@ class Transcript:
     Parameters
     ----------
     exchanges : list of (str, str)
-        Messages and replies in their order; an empty reply is none.
+        Messages and replies in their order; an empty text means no reply.
     end : str
         End of every message.
     reply_end : str
@@ -53,9 +53,9 @@ def scpi(
     armed, disarmed : tuple of (str, str)
         The messages that start and stop the watchdog, with the replies.
     **strings : str
-        Messages that replace those in the dictionary `family` below, such as ``volt="VOLT 12"``. A ``|`` separates two
-        messages. For the keys "protected?" and "mode", an ``=`` separates a query and its reply. The key "remote" adds
-        a first message, for remote control.
+        Texts that replace the usual SCPI messages and replies, such as ``volt="VOLT 12"``. A ``|`` separates messages.
+        The keys "protected?" and "mode" contain queries with replies, such as "VOLT:PROT?=13". The key "remote" adds a
+        first message.
     """
     family = {
         "volt": "VOLT 12.00",

@@ -72,7 +72,7 @@ class Case:
 
     @property
     def noise_mm(self) -> float:
-        """Standard deviation (mm) of both parts of the noise, white and correlated."""
+        """Standard deviation (mm) of each part of the noise, white and correlated."""
         return NOISE_MM[self.number // 4 % 3]
 
     @property
@@ -155,12 +155,12 @@ def effect_of_depth(model: str, specimen: Specimen) -> DepthEffect | None:
 
 
 def deviations_drawn(rng: np.random.Generator, sources: Sequence[StatedSource]) -> dict[str, Array]:
-    """Return random errors of the uncertain inputs `sources` by name, each of shape (parts,), such as x and y."""
+    # Return random errors of the uncertain inputs by name; an array has one error for each component, such as x and y.
     return {s.source: s.standard_uncertainty * rng.normal(size=len(SOURCES[s.source].parts)) for s in sources}
 
 
 def measured(case: Case, deviations: Mapping[str, Array], rng: np.random.Generator) -> Experiment:
-    """Return a simulated experiment: the edges of the true beam with the nominal values.
+    """Return a simulated experiment: edges that are computed with the true inputs, and the nominal inputs.
 
     deviations : true minus nominal values, by name of the uncertain input
     """
@@ -193,7 +193,7 @@ def with_noise(edges: Array, noise_mm: float, rng: np.random.Generator) -> EdgeO
     """Return edges with white and correlated noise normal to the edge.
 
     edges : points (x, y) in mm, shape (K, 2, m, 2): K load steps, two edges, m points
-    noise_mm : standard deviation of both noises
+    noise_mm : standard deviation of each noise
     """
     along = np.gradient(edges, axis=2)
     across = np.stack([-along[..., 1], along[..., 0]], axis=-1) / np.linalg.norm(along, axis=-1, keepdims=True)

@@ -1,9 +1,9 @@
-"""Emulated supplies answer every message as accepted, and change their settings as accepted.
+"""Emulated supplies answer every message, and change their settings, as in stored reference files.
 
-A line of an accepted description is a message, its answer, and the settings that the message has changed, with tabs
-between them. In place of a message, ``(new 2)`` makes a new supply with the coil on channel 2, ``(wait 5)`` waits for
+A line of a reference file is a message, its answer, and the settings that the message has changed, with tabs between
+them. In place of a message, ``(new 2)`` makes a new supply with the coil on channel 2, ``(wait 5)`` waits for
 5 s, ``(trip)`` makes a protection act, and ``(lock)`` and ``(unlock)`` begin and end the use of the front panel.
-``(all)`` sends the queries in the first line of the description.
+``(all)`` sends the queries in the first line of the file.
 """
 
 from __future__ import annotations

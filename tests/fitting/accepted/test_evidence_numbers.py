@@ -1,4 +1,4 @@
-"""Distances of measured points, corrections, samples of load cases and drawn parameters are as accepted."""
+"""Residuals, model corrections, bootstrap samples and drawn parameters equal stored reference numbers."""
 
 # If a change is wanted, read the differences before you copy a new description over the accepted one.
 

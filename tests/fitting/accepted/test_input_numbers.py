@@ -1,4 +1,4 @@
-"""The tables of uncertain inputs and of bench errors, and the effect of each input, are as accepted."""
+"""Uncertain inputs, possible causes of residuals, and the effect of each input agree with stored reference values."""
 
 # If a change is wanted, read the differences before you copy a new description over the accepted one.
 

@@ -1,4 +1,4 @@
-"""Plans, the estimate during a run, the measured rest shape and the search give the accepted numbers."""
+"""Planned load states, the modulus estimated during a run, rest shapes, and fits agree with stored reference values."""
 
 # If a change is wanted, read the differences before you copy a new description over the accepted one.
 

@@ -1,4 +1,4 @@
-"""Steps that a fit seldom takes, such as a finer mesh without an equilibrium, have the described results."""
+"""Fits handle rare cases, such as a beam that has no equilibrium on a finer mesh."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Each step of the fit of a viscoelastic law gives the accepted numbers for small synthetic measurements."""
+"""Each step of the fit of a viscoelastic law agrees with stored reference values for small synthetic measurements."""
 
 # If a change is wanted, read the differences before you copy a new description over the accepted one.
 

@@ -1,4 +1,4 @@
-"""Motions, heats, lines and checksums that are computed from the data of a run give the accepted numbers."""
+"""Beam motions, coil heating, field per current and checksums, computed from data of a run, equal stored values."""
 
 # If a change is wanted, read the differences before you copy a new description over the accepted one.
 

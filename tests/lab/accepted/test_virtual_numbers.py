@@ -1,4 +1,4 @@
-"""The rod, the moving beam, the optics and the simulated bench give the accepted numbers."""
+"""The simulated rod, moving beam, optics and bench give the numbers stored from an earlier version."""
 
 # If a change is wanted, read the differences before you copy a new description over the accepted one.
 

@@ -128,7 +128,7 @@ def test_points_along_the_beam_belong_to_the_first_photograph(photographed: Path
     with pytest.raises(InputError) as refused:
         saved(photographed, clicked, BEAM, {"IMG_10.png": 0, "IMG_11.png": 1}, False)
     assert str(refused.value) == (
-        "IMG_2.png: points along the beam were clicked on this picture; type the weight on it in grams"
+        "IMG_2.png: points along the beam were clicked on this picture; type also the weight on the beam, in grams"
     )
     assert saved(photographed, clicked, BEAM, GRAMS, False)["states"] == 2
     along = load_calibration(photographed / "calibration.toml").picture

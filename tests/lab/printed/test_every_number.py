@@ -1,6 +1,6 @@
-"""Every printed number comes from the right stored number, and has the right ratio to the stored number.
+"""Every printed number is the right stored number times the right factor, for example 1000 from mm to µm.
 
-`traced_numbers.txt` lists the path of the stored number, and the ratio, for each printed number.
+`traced_numbers.txt` lists the path of the stored number, and the factor, for each printed number.
 """
 
 from __future__ import annotations

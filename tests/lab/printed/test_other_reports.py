@@ -1,6 +1,6 @@
-"""The words and figures of a report with several laws, datasets and tensile tests are as accepted.
+"""The text and figures of a report with several laws, datasets and tensile tests equal stored text and figures.
 
-The fits and predictions are invented, such that every branch of a sentence and of a figure occurs.
+The fits and predictions are invented, so that every variant of a sentence and of a figure occurs.
 """
 
 from __future__ import annotations

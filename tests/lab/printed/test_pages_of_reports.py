@@ -1,4 +1,4 @@
-"""The steps in which a report is written, and its parts with data that a small measurement does not have."""
+"""A report is written in the right order, and its sections show the right texts, tables and figures."""
 
 from __future__ import annotations
 
