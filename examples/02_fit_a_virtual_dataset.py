@@ -13,7 +13,7 @@ def main() -> float:
         eimi.acquire("dragon_skin_10_quick", "type1", "virtual", Path(folder) / "run.h5") as run,
     ):
         fit = eimi.fit(run, "neo-hookean")
-        truth = run.truth()  # read the true material only after the fit, to score it
+        truth = run.truth()  # read the true material only after the fit, for the comparison
     assert truth is not None
     (modulus_Pa,) = truth["parameters"].values()  # a Neo-Hookean material has one parameter
     ratio = fit.initial_shear_modulus.value / modulus_Pa

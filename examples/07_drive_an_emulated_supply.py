@@ -1,4 +1,4 @@
-"""Control an emulated Korad supply with a coil. The commands are the same as for a real supply on a serial port."""
+"""Control an emulated Korad supply and its coil. The commands are the same as for a real supply on a serial port."""
 
 import time
 

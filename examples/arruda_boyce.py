@@ -83,7 +83,7 @@ class ArrudaBoyce(InvariantLaw):
         Raises
         ------
         NotInSolver
-            The program has no such law with a free `lambda_m`, which is fixed in SOFA.
+            The program has no Arruda-Boyce law, or does not let the user choose `lambda_m` (SOFA).
         """
         mu, locking = p["mu"], p["lambda_m"]
         match solver:

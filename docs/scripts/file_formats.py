@@ -50,12 +50,14 @@ UNITS = {
     "_kg_m3": "kg/m³",
     "pixels_per_mm": "px/mm",
     "_percent": "%",
+    "_degC": "°C",
     "_ohm": "ohm",
     "_deg": "degrees",
     "_kPa": "kPa",
     "_MPa": "MPa",
     "_Pa": "Pa",
     "_mm": "mm",
+    "_Hz": "Hz",
     "_mT": "mT",
     "_px": "px",
     "_T": "T",
@@ -108,13 +110,8 @@ FURTHER_EXAMPLES = {
     "bench.magnetisation_angle_deg": "3.0",
     "bench.coil_constant_mT_per_A": "4.5",
     "bench.background_field_mT": "[0.0, 0.04]",
-    "bench.field.radius_mm": "50.0",
-    "bench.field.gap_mm": "50.0",
-    "bench.field.centre_mm": "[28.0, 0.0]",
-    "bench.field.map": '"field.csv"',
-    "bench.field.gradient_per_m": "[0.5, 0.0]",
     "field.against_current": "[[0.0, 0.03], [0.5, 2.38]]",
-    "bench.field.against_current": "[[0.0, 0.03], [0.5, 2.38]]",
+    "sensors.uncertainty": "0.005",
     "uncertainty.background_field_mT": "0.03",
     "uncertainty.field_gradient_per_m": "0.5",
     "calibrated_on": "2026-11-20",
@@ -125,28 +122,47 @@ FURTHER_EXAMPLES = {
     f"uncertainty.{FOCAL_LENGTH}": "12.0",
 }
 
+# Tables with the keys of a table that the page describes elsewhere.
+REFERENCES = {
+    "bench.field": (
+        "The keys are those of `[field]` in calibration.toml. In this table, `map` is a list of rows "
+        "[x_mm, y_mm, bx_mT, by_mT] instead of the name of a CSV file, and `against_current` is not needed."
+    ),
+}
+
+# Meanings of keys of a table [uncertainty] for which the name of the quantity in a fit is too short. The words follow
+# "Standard uncertainty of the".
+UNCERTAIN = {
+    "rest_shape_mm": "largest offset of the centre line without load, in each of three smooth bending shapes",
+    "taper_mm": "change of the width from the clamp to the magnet; without a magnet, from the clamp to the tip",
+    "axis_angle_deg": "direction of the unloaded beam",
+    "current_A": "zero of the current",
+}
+
 # The files with a table [uncertainty].
 STATING: dict[type[Document], File] = {SpecimenFile: "specimen", Calibration: "calibration", Rig: "rig"}
 HEADER = "\n| key | unit | default | meaning | example |\n| --- | --- | --- | --- | --- |\n"
 
 INTRODUCTION = """# File formats
 
-This page lists every key of every file that a person edits. `docs/scripts/file_formats.py` writes it from the models
-that check the files, so it agrees with the program. `eimi init FOLDER` writes commented files to begin with.
+This page lists every key of every file that a person edits. The script `docs/scripts/file_formats.py` makes the page
+from the code that checks the files, so the page agrees with the program. `eimi init FOLDER` writes template files with
+comments, which you can edit.
 
-- The name of a key ends in its unit.
+- The name of a key with a unit ends in this unit, with few exceptions.
 - For an unknown key, a wrong type or a value out of range, the program prints one line: file, key, value, and what
-  would be right. It names all missing keys at once.
+  would be right. The program names all missing keys at once.
 - The default "required" means that the file must have the key if it has the table of the key.
-- The beam frame has its origin at the middle of the clamp line. Its x points along the undeformed beam away from the
-  clamp, and its y is positive toward the positive coil field.
+- The beam frame has its origin at the middle of the line at which the beam leaves the clamp. In this frame, x points
+  along the undeformed beam away from the clamp, and y points across the beam, to the side to which the field of a
+  positive current points.
 - In the picture, x points to the right and y down. Angles are clockwise from +x.
 
 [The format](why/format.md) describes the results of a run: the dataset and `fits.json`.
 """
 
 TABLES = """
-## Tables
+## CSV files
 
 The columns may be in any order. Cells are separated by commas, semicolons or tabs. With semicolons or tabs, a decimal
 comma is accepted too.
@@ -166,7 +182,7 @@ def page() -> str:
         ("protocol.toml", Protocol, "The currents of a run, and the conditions for each state."),
         ("rig.toml", Rig, "The supply and the camera, and their addresses."),
         ("materials.toml", TrueMaterials, "The materials of the specimens of a virtual rig. No fit reads this file."),
-        ("people.toml", People, "The authors of an archive, for `eimi publish --people`."),
+        ("people.toml", People, "The authors of a published archive of datasets, for `eimi publish --people`."),
     ):
         parts.append(f"\n## {title}\n\n{words}\n" + _document(model))
     parts.append(TABLES)
@@ -180,14 +196,14 @@ def page() -> str:
     parts.append(_table("points.csv", "Tracked points instead of pictures.", POINT_COLUMNS | OPTIONAL_COLUMNS))
     words = (
         "Tracked points of a motion, for `eimi import --ring-down` or `--creep`: one row for each point of each frame. "
-        "The file needs the column time_s, or the column frame and `--rate`."
+        "Without the column time_s, the file needs the column frame, and the command needs `--rate`."
     )
-    parts.append(_table("A motion's CSV", words, TIME_COLUMNS | MOTION_COLUMNS))
+    parts.append(_table("CSV file of a motion", words, TIME_COLUMNS | MOTION_COLUMNS))
     words = (
         "A tensile test: one column of strain and one of stress. The files of the Soft Robotics Materials Database "
-        "(Marechal et al. 2020) are read as they are."
+        "(Marechal et al. 2020) can be read without changes."
     )
-    parts.append(_table("A tensile test's CSV", words, TENSILE_COLUMNS))
+    parts.append(_table("CSV file of a tensile test", words, TENSILE_COLUMNS))
     return "".join(parts)
 
 
@@ -195,6 +211,9 @@ def _document(model: type[Document]) -> str:
     examples = _examples(EXAMPLES[model])
     text = ""
     for name, table in _tables(model):
+        if name in REFERENCES:
+            text += f"\n### `[{name}]`\n\n{REFERENCES[name]}\n"
+            continue
         rows = [_row(table, key, name, examples) for key in _keys(table)]
         if not rows:
             continue
@@ -207,7 +226,10 @@ def _document(model: type[Document]) -> str:
 
 def _uncertainties(file: File, examples: Mapping[str, str]) -> str:
     """Return the documentation of the TOML table [uncertainty] of a file, with one row for each key."""
-    meanings = {key: f"Standard uncertainty of the {SOURCES[source].words}." for key, source in keys_of(file).items()}
+    meanings = {
+        key: f"Standard uncertainty of the {UNCERTAIN.get(key, SOURCES[source].words)}."
+        for key, source in keys_of(file).items()
+    }
     if file == "calibration":
         meanings[FOCAL_LENGTH] = "Standard uncertainty of the focal length; `eimi calibrate` writes it."
     rows = "".join(
@@ -220,7 +242,10 @@ def _uncertainties(file: File, examples: Mapping[str, str]) -> str:
 def _example(path: str, examples: Mapping[str, str]) -> str:
     example = examples.get(path) or FURTHER_EXAMPLES.get(path)
     if not example:
-        raise ValueError(f"no file in protocols/ contains the key {path}; add it to one, because it is the example")
+        raise ValueError(
+            f"no file in protocols/ contains the key {path}; add the key to one of these files: its value there is the "
+            "example in the documentation"
+        )
     return example
 
 
@@ -256,8 +281,8 @@ def _row(table: type, key: str, name: str, examples: Mapping[str, str]) -> str:
     path = f"{name.strip('[]')}.{key}" if name else key
     meaning = _meanings(table)[key]
     choices = _choices(_keys(table)[key])
-    if choices:
-        meaning += f" One of {choices}."
+    if any(choice not in meaning for choice in choices):
+        meaning += f" One of {', '.join(f'`{choice}`' for choice in choices)}."
     shown = examples.get(path) or _shown(_default_value(table, key))
     if _holds_table(table, key) and not shown.startswith(('"', "{")):
         example = "a separate table"
@@ -268,17 +293,19 @@ def _row(table: type, key: str, name: str, examples: Mapping[str, str]) -> str:
 
 
 def _holds_table(table: type, key: str) -> bool:
-    return key == "uncertainty" or any(_is_table(kind) for kind in _kinds(_keys(table)[key]))
+    return (key == "uncertainty" and issubclass(table, Document)) or any(
+        _is_table(kind) for kind in _kinds(_keys(table)[key])
+    )
 
 
-def _choices(annotation: Any) -> str:
+def _choices(annotation: Any) -> list[str]:
     literals = [
         str(value)
         for kind in _kinds(annotation)
         if get_origin(kind) not in (Union, UnionType) and str(get_origin(kind)).endswith("Literal")
         for value in get_args(kind)
     ]
-    return ", ".join(f'`"{value}"`' for value in dict.fromkeys(literals))
+    return [f'"{value}"' for value in dict.fromkeys(literals)]
 
 
 def _default_value(table: type, key: str) -> Any:
@@ -291,7 +318,9 @@ def _default(table: type, key: str) -> str:
     value = _default_value(table, key)
     if value is PydanticUndefined:
         return "required"
-    return "none" if value is None else f"`{_shown(value)}`"
+    if value is None:
+        return "see meaning" if "default" in _meanings(table)[key].lower() else "none"
+    return f"`{_shown(value)}`"
 
 
 def _shown(value: Any) -> str:

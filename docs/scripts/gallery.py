@@ -10,6 +10,11 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "gallery.md"
+TITLES = {
+    "06_try_a_protocol_dry": "Test a protocol without instruments",
+    "10_what_the_data_fix": "What the data determine",
+}
+"""Titles of scripts whose names are not clear enough as titles."""
 
 INTRODUCTION = """# Gallery
 
@@ -30,7 +35,7 @@ def _entry(script: Path) -> str:
     """Return the section of the page about one script."""
     text = script.read_text(encoding="utf-8")
     words = ast.get_docstring(ast.parse(text)) or ""
-    title = script.stem[3:].replace("_", " ").capitalize()
+    title = TITLES.get(script.stem) or script.stem[3:].replace("_", " ").capitalize()
     code = text.split('"""', 2)[2].strip()
     return (
         f"\n## {title}\n\n{words}\n\n![{title}](gallery/{script.stem}.png)\n\n"

@@ -206,7 +206,7 @@ def verification(axes: Axes) -> None:
     axes.axvline(1, color=GREY, lw=0.8, ls=":")
     axes.text(0.97, -60, "m B = EI / l", ha="right", fontsize=9)
     axes.legend(loc="upper left", fontsize=8, frameon=False)
-    axes.set(xlabel="field against the magnet / field of buckling", ylabel="turn of the tip, degrees (sketch)")
+    axes.set(xlabel="field against the magnet / buckling field", ylabel="rotation of the tip, degrees (sketch)")
 
 
 def speed(axes: Axes) -> None:
@@ -258,7 +258,7 @@ def safety(axes: Axes) -> None:
     arrow(axes, (6.7, 1.6), (8.3, 1.6), "black")
     arrow(axes, (0.6, 2.1), (0.6, 1.1), "black")
     arrow(axes, (1.6, 1.1), (1.6, 2.1), "black")
-    axes.text(0.5, 1.6, "beat", fontsize=8, ha="right", va="center")
+    axes.text(0.5, 1.6, "alive", fontsize=8, ha="right", va="center")
     axes.text(1.7, 1.6, "alive", fontsize=8, va="center")
     bare(axes, (-0.6, 10), (-0.2, 3.4))
 
