@@ -38,9 +38,9 @@ class Pauses:
         self.asked = False
 
     def heeded_by(self, stop_if_asked: Callable[[], None]) -> Callable[[], None]:
-        """Return a function that notices a typed request to pause, and then calls `stop_if_asked`.
+        """Return a function that the run calls often: it stores a typed request to pause, and calls `stop_if_asked`.
 
-        A request sets the attribute `asked` and sends the event `PauseRequested`; the run is not yet paused.
+        The first request sets the attribute `asked` and sends the event `PauseRequested`; `wait` pauses the run later.
         `stop_if_asked` raises an exception if the run has to stop.
         """
 

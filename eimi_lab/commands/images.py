@@ -74,9 +74,9 @@ def import_(
         int | None,
         typer.Option(
             metavar="N",
-            help="for a video: import every N-th frame. A row of states.csv then gives the time (column time_s) or the "
-            "frame at which a load begins. The load acts until the time in the column until_s or, without this "
-            "column, until the load of the next row begins",
+            help="for a video: import every N-th frame. With this option, a row of states.csv gives the time (column "
+            "time_s) or the number of the frame at which a load begins. The load acts until the time in the column "
+            "until_s or, without this column, until the load of the next row begins",
             min=1,
         ),
     ] = None,

@@ -100,7 +100,7 @@ def _field_factor(dataset: Dataset, before: Calibration, after: Calibration, fil
     if factor != 1.0 and dataset.text("protocol") is None:
         raise InputError(
             f"{file}: coil_constant_mT_per_A = {after.mT_per_A:g}, but {dataset.path} was imported "
-            f"with {before.mT_per_A:g}, which does not change fields that states.csv gives directly: repeat the import"
+            f"with {before.mT_per_A:g}; perhaps states.csv contains typed fields, so repeat the import"
         )
     return factor
 

@@ -36,7 +36,7 @@ class Assumptions:
     setup : Setup or None
         Fitted values of the uncertain inputs; None if no input was fitted.
     deviations : mapping of str to ndarray, shape (d,)
-        By name of a fitted input: its d deviations from the input files, such as those of two coordinates.
+        Fitted value minus the value in the input files, for each of the d components of a fitted input, by name.
     """
 
     bulk_modulus_Pa: Array | None = None

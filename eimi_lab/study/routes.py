@@ -48,7 +48,7 @@ class Route:
 
     @property
     def name(self) -> str:
-        """Return the name of the data, such as `bending`, `tension 20 %` or `published curve, full`."""
+        """Return the name of the data, such as `bending`, or `tension 20 %` for a curve up to a strain of 20 %."""
         if self.source == BENDING:
             return BENDING
         return f"{'tension' if self.source == 'own' else 'published curve,'} {self.window}"

@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class StudyInputs:
-    """The inputs of a study: its extent, the seed of the searches, and the tensile curves by material."""
+    """The inputs of a study: its size, the seed of the searches, and the published tensile curve of each material."""
 
     extent: Extent
     seed: int = 1

@@ -118,7 +118,7 @@ def test_dice_adds_displacements_and_leaves_out_failed_subsets(tmp_path: Path) -
     assert (alone.frames.tolist(), alone.sigma) == ([0], None)
     same(alone.places, [[[4, 6]]])
     (folder / "DICe_solution_3.txt").write_text(DICE.replace("SUBSET_ID", "FRAME") + "\n0,1,2,3,4\n")
-    refused(lambda: read_dice(folder), "files with one frame each")
+    refused(lambda: read_dice(folder), "files of one frame")
     one.write_text(f"{DICE}\n5,1,2,3\n")
     refused(lambda: read_dice(one), "line 2 should have 5 numbers")
     one.write_text(f"{DICE}\n5,1,2,3,4\n5,1,2,x,4\n")

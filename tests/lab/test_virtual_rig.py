@@ -1,4 +1,4 @@
-"""The virtual rig gives equal results for equal seeds, and its beam has the loads that the files give."""
+"""The virtual rig gives equal results for equal seeds, and its beam carries the loads in the input files."""
 
 from __future__ import annotations
 

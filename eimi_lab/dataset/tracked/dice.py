@@ -40,8 +40,8 @@ def read_dice(path: Path) -> Tracks:
         )
     if any(of_subsets):
         raise InputError(
-            f"{path}: contains files with one frame each (SUBSET_ID) and files with one subset each (FRAME); give a "
-            "folder with files of one kind"
+            f"{path}: contains files of one frame (with the column SUBSET_ID) and files of one subset (with the column "
+            "FRAME); give a folder with files of one kind"
         )
     return _joined(
         [(f"subset {subset}", _number(file), row) for file, t in tables for subset, row in _rows(t, "SUBSET_ID")]

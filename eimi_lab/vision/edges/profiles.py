@@ -285,12 +285,10 @@ class _SharedUnknowns:
 def _derivatives(
     u: Array, dark: Array, bright: Array, offset: Array, shared: Array, cover: Cover, covered: NDArray[np.int64]
 ) -> tuple[Array, Array]:
-    """Return derivatives of the grey values at m distances on n lines, by all unknowns of the fit.
-
-    First result: by dark value, bright value and offset of a line, shape (n, m, 3). Second: by the unknowns of all
-    lines (``shared``), which are the blur and the width of silicone between a magnet and each of k edges of the beam,
-    shape (n, m, 1 + k).
-    """
+    """Return derivatives of the grey values at m distances on n lines, by all unknowns of the fit."""
+    # First result: by dark value, bright value and offset of a line, shape (n, m, 3). Second: by the unknowns that all
+    # lines share (``shared``), shape (n, m, 1 + k): the blur, and the width of silicone from the magnet to each of k
+    # edges of the beam.
     blur = float(shared[0])
     rise, bell, z = _blurred_step(u - offset[:, None], blur)
     step = (bright - dark)[:, None]

@@ -28,7 +28,7 @@ _SAME_MM = 1e-3  # points that are nearer are the same
 
 
 def _across_magnet(width: float, magnet_width: float, across: int) -> tuple[Array, int]:
-    """Return the y in mm of the mesh lines across a narrow magnet, and the number of elements on one side of it."""
+    """Return y (mm) of the mesh lines across a beam with a narrower magnet, and the number of elements beside it."""
     # ``across``: the number of elements across a beam without a magnet.
     layer, size = 0.5 * (width - magnet_width), width / across
     least = (across + 1) // 2

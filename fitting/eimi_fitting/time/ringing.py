@@ -165,8 +165,8 @@ class RingTable:
 
     @cached_property
     def fixed_weight_log(self) -> float:
-        """The change of ln(frequency) if the hanging weight were fixed to the tip."""
-        # A hanging weight follows the tip only along gravity.
+        """The difference in ln(frequency) between a weight that is fixed to the tip and one that hangs by a thread."""
+        # A weight on a thread follows the tip only along gravity.
         beam = self.beam
         if not beam.hanging_N:
             return 0.0

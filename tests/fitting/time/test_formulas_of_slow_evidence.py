@@ -533,12 +533,12 @@ def test_lost_frames_and_unusable_ring_downs_are_reported_and_creep_needs_no_vib
     assert doubts[3].startswith("the recording: 5 frames can be used")
 
 
-def test_a_motion_is_stepped_if_its_field_or_force_was_another_one() -> None:
+def test_a_motion_is_stepped_if_one_of_its_loads_was_another_one() -> None:
     motion: Any = None
     at_rest, field = Loads.along([0.0]), Loads.along([5.0])
     pulled = replace(at_rest, tip_force_N=np.array([[0.1, 0.0]]))
     turned = replace(at_rest, gravity=-at_rest.gravity)
-    for before, is_stepped in ((at_rest, False), (field, True), (pulled, True), (turned, False)):
+    for before, is_stepped in ((at_rest, False), (field, True), (pulled, True), (turned, True)):
         one = identification.RecordedMotion(motion, at_rest, ((-9.0, field), (-5.0, before)))
         assert one.is_stepped is is_stepped
     assert not identification.RecordedMotion(motion, at_rest).is_stepped

@@ -39,7 +39,7 @@ def _crept(loads: Loads, amplitudes: Array) -> Loads:
 
 
 def strengths(loads: Loads) -> Array:
-    """Return the relative size of each load: the field plus the tip force, each divided by its maximum."""
+    """Return, for each load state, field / largest field + tip force / largest tip force."""
     sizes = [np.linalg.norm(load, axis=1) for load in (loads.field_T, loads.tip_force_N)]
     return np.asarray(sum(size / size.max() for size in sizes if size.max() > 0) + np.zeros(len(loads)))
 

@@ -156,7 +156,8 @@ class Weighing:
         ]
 
     def squares_of(self, base: int, posterior: Posterior, rows: Sequence[int]) -> float:
-        """Return chi-square of the residual change by errors of the inputs `rows`, estimated in `hypotheses[base]`."""
+        """Return chi-square of the change of the residuals by the estimated errors of the inputs `rows`."""
+        # The errors are estimated under `hypotheses[base]`.
         change = posterior.means[base, rows] / self._scale[rows] @ self._rows[rows]
         # The variance of noise and unexplained errors.
         variance = self._variance + posterior.error_squared[base] * self._project.error
