@@ -363,6 +363,15 @@ def test_a_frame_without_an_image_counts_as_incomplete_although_its_status_is_su
     assert set(library.taken) <= {buffer for _, buffer in library.named("stream_push_buffer")}
 
 
+def test_a_buffer_without_a_frame_is_no_lost_frame(library: Library) -> None:
+    # The status 1 is "cleared". No number is missing after the first frame, and two are missing after the second one.
+    camera = AravisCamera("10.0.0.9", FREE)
+    empty = {"id": 0, "region": (0, 0, 0, 0)}
+    library.coming = [{"id": 1}, {"status": 1}, empty, {"id": 2}, {"status": 1}, {"status": 3}, empty, {"id": 5}]
+    assert [camera.grab(1.0).number for _ in range(3)] == [1, 2, 5]
+    assert camera.lost_frames == Counter({"missing packets": 1, "cleared": 1})
+
+
 def test_a_camera_that_hangs_is_reported_as_disconnected(library: Library, monkeypatch: pytest.MonkeyPatch) -> None:
     camera = AravisCamera("10.0.0.9", FREE)
     monkeypatch.setattr(AtOnce, "hangs", True)

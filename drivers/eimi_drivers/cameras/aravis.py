@@ -47,6 +47,12 @@ If a program ended without releasing the camera, the camera ends this control af
 LOOK_EVERY_S = 0.05
 """Longest wait (s) for a frame, before the answer of the camera to the last command is checked again."""
 
+NO_IMAGE = "no image"
+"""Why a frame is incomplete whose status is success, but whose size is 0 x 0."""
+
+NO_FRAME = (NO_IMAGE, BUFFER_STATUS[1])
+"""Reasons that a buffer without any frame can have too. Aravis 0.8 seldom returns such a buffer under load."""
+
 LARGEST_ID = 65535
 """The largest frame number in GigE Vision 1, which numbers the frames from 1 to 65535 and then begins at 1 again."""
 
@@ -315,7 +321,7 @@ class AravisCamera:
             left, top, width, height = (c_int() for _ in range(4))
             aravis.buffer_get_image_region(buffer, byref(left), byref(top), byref(width), byref(height))
             if not (width.value and height.value):  # Aravis 0.8 seldom reports success for such a frame under load
-                self._incomplete["no image"] += 1
+                self._incomplete[NO_IMAGE] += 1
                 return None
             number = self._numbered(aravis.buffer_get_frame_id(buffer))
             if self.settings.region is not None and (width.value, height.value) != self.settings.region[2:]:
@@ -343,6 +349,8 @@ class AravisCamera:
                 step += LARGEST_ID
             self._number += step
         if self._counting:
+            for reason in NO_FRAME:  # if there are more incomplete buffers than missing frames, some contained no frame
+                self._incomplete -= Counter({reason: max(self._incomplete.total() - (step - 1), 0)})
             self.lost_frames += self._incomplete + Counter({"no packet": step - 1 - self._incomplete.total()})
         self._incomplete.clear()
         self._last_id, self._counting = identifier, True
