@@ -536,7 +536,7 @@ def test_the_chunks_of_all_arrays_are_mended(tmp_path: Path, monkeypatch: pytest
 
 
 class Bytes:
-    # A file in memory, whose places that fit a pattern are found.
+    # A file in memory; `find` yields the positions at which a pattern matches.
 
     def __init__(self, content: bytes) -> None:
         self.content = content

@@ -5,8 +5,8 @@ from __future__ import annotations
 import importlib.util
 import json
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -147,15 +147,19 @@ class Picture:
         return min(ways, key=lambda scored: scored.median, default=_NO_POINTS)
 
 
-def pictures(group: str) -> Iterator[Picture]:
-    """Yield the pictures of the group ``development`` (with a beam) or ``refusal`` (without a beam)."""
-    for folder in sorted((PICTURES / group).glob("*/")):
-        image = cv2.imread(str(folder / "frame.png"), cv2.IMREAD_UNCHANGED)
-        if image.ndim == 3 and np.ptp(image, axis=2).max() == 0:
-            image = image[..., 0]  # as a dataset stores it
-        calibration = load_calibration(folder / "calibration.toml")
-        specimen = load_specimen(folder / "specimen.toml")
-        yield Picture(folder.name, image, calibration, specimen, folder, group == "development")
+@cache
+def pictures(group: str) -> tuple[Picture, ...]:
+    """Return the pictures of the group ``development`` (with a beam) or ``refusal`` (without a beam)."""
+    return tuple(_read(folder, group == "development") for folder in sorted((PICTURES / group).glob("*/")))
+
+
+def _read(folder: Path, has_beam: bool) -> Picture:
+    image = cv2.imread(str(folder / "frame.png"), cv2.IMREAD_UNCHANGED)
+    if image.ndim == 3 and np.ptp(image, axis=2).max() == 0:
+        image = image[..., 0]  # as a dataset stores it
+    calibration = load_calibration(folder / "calibration.toml")
+    specimen = load_specimen(folder / "specimen.toml")
+    return Picture(folder.name, image, calibration, specimen, folder, has_beam)
 
 
 def _foot() -> Any:

@@ -67,7 +67,7 @@ def law(fit: FitRecord, name: str, factor: float) -> FitRecord:
 
 
 def variants(fit: FitRecord) -> Iterator[tuple[str, FitRecord]]:
-    # Yield fits with their names; each differs from the first fit in something that its sentences tell.
+    # Yield fits with their names. Each fit differs from the first one in a property that the report describes.
     (curve,), (dataset,) = fit.tensile, fit.datasets
     prior = Prior("mu", 52e3, 2e3)
     degrees = BudgetEntry("magnetisation", "direction of magnetisation", 3.0, "deg", (0,), 7.77)
