@@ -65,9 +65,9 @@ def _at_rest(run: Stepping, stop_if_asked: Callable[[], None]) -> Moment:
 
 
 def _changes(run: Stepping, shapes: list[Shape], stop_if_asked: Callable[[], None]) -> Iterator[ShapeChange]:
-    """Yield how far the load cycles changed the shape of the loaded beam, and then of the unloaded beam.
+    """Compare the recorded `shapes`: yield how far the load cycles changed the loaded and the unloaded beam.
 
-    `shapes` contains frames of the loaded and the unloaded beam in equilibrium, with the numbers of their load cycles.
+    `shapes` are frames of the beam in equilibrium, each with the number of its load cycle.
     """
     for current_A in sorted({moment.set_A for _, moment in shapes}, key=abs, reverse=True):
         of_current = [(cycle, moment.frame) for cycle, moment in shapes if moment.set_A == current_A]

@@ -24,7 +24,7 @@ from eimi_fitting.inference.evidence.tensile_curves import TensileCurve, Tensile
 from eimi_fitting.inference.evidence.unknowns import NuisancePrior, SharedUnknowns, Unknowns, nuisances
 from eimi_fitting.inference.identification import identify
 from eimi_fitting.inference.interval.budget import Moves, budget
-from eimi_fitting.inference.interval.considered import ConsideredSources, Steps, sources_of
+from eimi_fitting.inference.interval.considered import ConsideredInput, Steps, sources_of
 from eimi_fitting.inference.interval.covariance import Linearisation, LinearStates, point_correlation
 from eimi_fitting.inference.interval.draws import draw_noise, interval_95, quantity
 from eimi_fitting.inference.interval.estimate import _widened
@@ -179,7 +179,7 @@ def shared(source: str, size: float) -> SharedUnknowns:
 
 def test_the_budget_has_the_largest_source_first_and_halves_it() -> None:
     # `budget` also predicts the interval with half the uncertainty of the first input; the effects are 1 % and 3 %.
-    sources = [ConsideredSources(name, shared(name, 0.1), 0, (None,)) for name in ("depth", "width")]
+    sources = [ConsideredInput(name, shared(name, 0.1), 0, (None,)) for name in ("depth", "width")]
     rng = np.random.default_rng(1)
     moved = np.array([[0.01], [0.03]])
     steps = Steps(moved, np.zeros(1))

@@ -13,7 +13,7 @@ from eimi_fitting.inference.evidence.quantity import Quantity
 from eimi_fitting.inference.evidence.unknowns import SharedUnknowns
 from eimi_fitting.inference.interval import estimate, profile_likelihood
 from eimi_fitting.inference.interval.budget import Moves, budget
-from eimi_fitting.inference.interval.considered import ConsideredSources, Steps
+from eimi_fitting.inference.interval.considered import ConsideredInput, Steps
 from eimi_fitting.inference.interval.draws import normal_draws
 from eimi_fitting.inference.interval.identifiability import directions
 from eimi_fitting.inference.interval.profile_likelihood import Ends, interval_ends
@@ -103,9 +103,9 @@ def test_a_budget_has_one_entry_for_each_input_and_halves_the_largest() -> None:
     rng = np.random.default_rng(2)
     clamp, width = SharedUnknowns("clamp", (0,), 0.05), SharedUnknowns("width", (0, 1), 0.02)
     sources = [
-        ConsideredSources("clamp x", clamp, 0, (None,)),
-        ConsideredSources("width", width, 0, (None,)),
-        ConsideredSources("clamp y", clamp, 1, (None,)),
+        ConsideredInput("clamp x", clamp, 0, (None,)),
+        ConsideredInput("width", width, 0, (None,)),
+        ConsideredInput("clamp y", clamp, 1, (None,)),
     ]
     sizes = np.array([[0.03, 0.0], [0.045, 0.1], [-0.04, 0.0]])
     steps = Steps(sizes, np.array([0.01, 0.0]))

@@ -246,7 +246,10 @@ def _first_guess(u: Array, profiles: Array, cover: Cover, covered: NDArray[np.in
 
 
 class _SharedUnknowns:
-    """Unknowns that all grey-value profiles share: the blur, and the width of silicone from the magnet to each edge."""
+    """The unknowns that are common to all profiles of grey values across a beam: the blur and the silicone widths.
+
+    A silicone width is the distance from the magnet inside the beam to one edge of the beam.
+    """
 
     def __init__(self, blur_px: float, cover: Cover, span_px: float) -> None:
         # The widths start at half of their prior means: from too wide a cover the iteration may end at none.

@@ -60,9 +60,9 @@ def displacement_per_rad(beam: RingingBeam, modulus_Pa: float, loads: Loads, bef
 def shown_rotations(
     beam: RingingBeam, modulus_Pa: float, rest_mm: Array, signals: Signals, per_rad_mm: Array
 ) -> tuple[Array, Array] | None:
-    """Return true tip rotations (rad), and the rotations that displacement divided by `per_rad_mm` gives for them."""
-    # The second array differs from the first if the beam is strongly bent. None if the rotations of soft and stiff
-    # beams hardly differ.
+    """Tabulate the measured tip rotation (displacement of points / `per_rad_mm`) against the true rotation, rad."""
+    # The first array has the true rotations. Both differ if the beam is strongly bent. None if the rotations of soft
+    # and stiff beams hardly differ.
     # ``modulus_Pa``: a typical shear modulus; the equilibria are those of softer and stiffer beams. ``rest_mm`` (p, 2):
     # positions (x, y) of p points at rest. ``per_rad_mm`` (p, 2): their displacements for a rotation by one rad.
     model = beam.planar()

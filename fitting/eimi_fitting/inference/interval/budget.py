@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_fitting.inference.evidence.sources import SOURCES
-from eimi_fitting.inference.interval.considered import ConsideredSources, Steps
+from eimi_fitting.inference.interval.considered import ConsideredInput, Steps
 from eimi_fitting.inference.interval.draws import interval_95, thinned
 
 Array = NDArray[np.float64]
@@ -75,7 +75,7 @@ class Moves:
 
 
 def budget(
-    sources: Sequence[ConsideredSources], moves: Moves, modulus: Callable[[Array], Array]
+    sources: Sequence[ConsideredInput], moves: Moves, modulus: Callable[[Array], Array]
 ) -> tuple[tuple[BudgetEntry, ...], MeasureNext]:
     """Return the effect of each uncertain input on the modulus, and the quantity to measure next."""
     # `modulus` converts sets of unknowns (P, n) to moduli (P,) in Pa.
@@ -90,7 +90,7 @@ def budget(
 
 
 def budget_entries(
-    sources: Sequence[ConsideredSources], unit: Array, sizes: Array, modulus: Callable[[Array], Array]
+    sources: Sequence[ConsideredInput], unit: Array, sizes: Array, modulus: Callable[[Array], Array]
 ) -> tuple[BudgetEntry, ...]:
     """Return the effect of each uncertain input on the initial shear modulus, the largest effect first."""
     # unit (n,): fitted values, scaled to 0..1 between their bounds. sizes (S, n): change of `unit` for one standard

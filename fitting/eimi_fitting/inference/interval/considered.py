@@ -35,7 +35,7 @@ _TOLERANCE_MM = 1e-3  # the last Newton step is shorter; the remaining error is 
 
 
 @dataclass(frozen=True)
-class ConsideredSources:
+class ConsideredInput:
     """One component of an uncertain input, such as y of the clamp, and its effect on the residuals."""
 
     # Name of one component of the input in a result.
@@ -96,7 +96,7 @@ def _concerns(source: str, experiment: Experiment) -> bool:
 
 def considered(
     problem: Problem, unit: Array, groups: Sequence[SharedUnknowns] | None = None
-) -> tuple[ConsideredSources, ...]:
+) -> tuple[ConsideredInput, ...]:
     """Return the change of the residuals of a fit by each uncertain input, such as the width."""
     # unit (n,): fitted values, scaled to 0..1 between their bounds. groups: the inputs; by default those of
     # `sources_of`.
@@ -106,7 +106,7 @@ def considered(
         return ()
     changes = changes_of(problem, unit, numbers)
     uncertain_numbers = (
-        ConsideredSources(
+        ConsideredInput(
             group.part_name(part, len(changes)), group, part, tuple(of_experiment[i] for of_experiment in changes)
         )
         for i, (group, part) in enumerate(numbers)
@@ -235,7 +235,7 @@ class Steps:
 _FARTHEST = 2.0
 
 
-def steps_of(about: Linearisation, sources: Sequence[ConsideredSources], covariance: Array) -> Steps:
+def steps_of(about: Linearisation, sources: Sequence[ConsideredInput], covariance: Array) -> Steps:
     """Compute how errors of uncertain inputs change the fitted values."""
     # covariance (n, n): of the unknowns, due to noise and priors.
     # The covariance of the estimate grows by the sum of the products of the changes (Tapley, Schutz and Born 2004,

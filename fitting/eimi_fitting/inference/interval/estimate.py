@@ -22,7 +22,7 @@ from eimi_fitting.inference.evidence.objective import Evaluation, Problem
 from eimi_fitting.inference.evidence.quantity import NORMAL_95, Quantity
 from eimi_fitting.inference.evidence.unknowns import Unknowns
 from eimi_fitting.inference.interval.budget import BudgetEntry, MeasureNext, Moves, budget, budget_entries
-from eimi_fitting.inference.interval.considered import ConsideredSources, considered, steps_of, unstated_of
+from eimi_fitting.inference.interval.considered import ConsideredInput, considered, steps_of, unstated_of
 from eimi_fitting.inference.interval.covariance import Linearisation
 from eimi_fitting.inference.interval.cross_validation import held_out_error_mm
 from eimi_fitting.inference.interval.draws import Draws, draw_noise, normal_draws, quantity, rounded, thinned
@@ -277,7 +277,7 @@ def _modulus(law: Law, unknowns: Unknowns, units: Array) -> Array:
 
 
 def _quantities(
-    law: Law, unknowns: Unknowns, moves: Moves, sources: Sequence[ConsideredSources], seed: int
+    law: Law, unknowns: Unknowns, moves: Moves, sources: Sequence[ConsideredInput], seed: int
 ) -> dict[str, Any]:
     # The result contains attributes of an `Estimate`.
     drawn_units = moves.units(), moves.units(of_sources=0.0)

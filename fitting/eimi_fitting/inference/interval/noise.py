@@ -23,7 +23,7 @@ from eimi_fitting.inference.evidence.objective import Evaluation, Problem
 from eimi_fitting.inference.evidence.quantity import NORMAL_95
 from eimi_fitting.inference.evidence.sources import SOURCES
 from eimi_fitting.inference.evidence.unknowns import RANGE, Unknowns
-from eimi_fitting.inference.interval.considered import ConsideredSources, changes_of, considered, sources_of
+from eimi_fitting.inference.interval.considered import ConsideredInput, changes_of, considered, sources_of
 from eimi_fitting.inference.interval.covariance import Linearisation, LinearStates, linearise, point_correlation
 from eimi_fitting.inference.searching.polish import Optimum, difference_batch
 
@@ -75,7 +75,7 @@ class Noise:
     about: Linearisation
     # The residuals after a joint fit with the inputs `sources`; these are the noise.
     explained: Explained
-    sources: tuple[ConsideredSources, ...]
+    sources: tuple[ConsideredInput, ...]
     # Mean standard deviation of the error of the beam model.
     mean_model_mm: float = 0.0
 
@@ -145,7 +145,7 @@ def _independent(problem: Problem, states: Sequence[LinearStates]) -> float:
 def _explained(
     problem: Problem,
     about: Linearisation,
-    sources: Sequence[ConsideredSources],
+    sources: Sequence[ConsideredInput],
     model_mm: Sequence[Array],
     near: Sequence[Shapes],
 ) -> Explained:
