@@ -34,7 +34,7 @@ NAMES = 6000
 
 
 class LateAnswer(RuntimeError):
-    """The measurement ended before the fault, because an answer came too late on a busy computer."""
+    """An answer of an instrument came too late on a busy computer, so that the run ended before the planned fault."""
 
 
 class Supply:

@@ -132,9 +132,9 @@ class Magnet(Table):
     tip_offset_mm: float = Field(default=0.0, ge=0)
     """Length of silicone between the magnet and the tip."""
     magnetisation_angle_deg: float = Field(default=0.0, ge=-180.0, le=180.0)
-    """Direction of the magnetisation in the unloaded beam: 0 is along the beam toward the tip, and 90 is the direction
-    of the field of a positive current. Data sheets give an uncertainty of 3 to 5 degrees; 1 degree changes the modulus
-    by 3 to 5 %.
+    """Direction of the magnetisation in the unloaded beam. An angle of 0 points along the beam toward the tip, and an
+    angle of 90 points along the field of a positive current. Data sheets give an uncertainty of 3 to 5 degrees; 1
+    degree changes the modulus by 3 to 5 %.
     """
 
 

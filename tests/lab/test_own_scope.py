@@ -1,4 +1,4 @@
-"""The process that switches the coil off asks systemd for its own scope, to outlive the program that started it."""
+"""The guardian process asks systemd for a separate group of processes (scope), so that it outlives the run."""
 
 from __future__ import annotations
 

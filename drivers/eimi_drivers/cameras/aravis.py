@@ -48,10 +48,10 @@ LOOK_EVERY_S = 0.05
 """Longest wait (s) for a frame, before the answer of the camera to the last command is checked again."""
 
 NO_IMAGE = "no image"
-"""Why a frame is incomplete whose status is success, but whose size is 0 x 0."""
+"""The reason for an incomplete frame if its status is success, but its size is 0 x 0."""
 
 NO_FRAME = (NO_IMAGE, BUFFER_STATUS[1])
-"""Reasons that a buffer without any frame can have too. Aravis 0.8 seldom returns such a buffer under load."""
+"""Reasons that a buffer without any frame can have too. Aravis 0.8 returned such buffers on a busy computer."""
 
 LARGEST_ID = 65535
 """The largest frame number in GigE Vision 1, which numbers the frames from 1 to 65535 and then begins at 1 again."""
@@ -320,7 +320,7 @@ class AravisCamera:
                 return None
             left, top, width, height = (c_int() for _ in range(4))
             aravis.buffer_get_image_region(buffer, byref(left), byref(top), byref(width), byref(height))
-            if not (width.value and height.value):  # Aravis 0.8 seldom reports success for such a frame under load
+            if not (width.value and height.value):  # seen once with the status success, on a busy computer
                 self._incomplete[NO_IMAGE] += 1
                 return None
             number = self._numbered(aravis.buffer_get_frame_id(buffer))
