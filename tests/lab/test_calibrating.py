@@ -122,6 +122,24 @@ def test_every_kind_of_board_gives_the_scale(run, tmp_path, kind):
     assert calibration.camera_matrix is None
 
 
+@pytest.mark.parametrize("angle_deg", [60.0, 90.0, -90.0, 180.0])
+def test_a_turned_board_of_circles_gives_the_scale(run, tmp_path, angle_deg):
+    board, spacing_px, middle = Board("circles", 8, 6, 2.0), 20.0, np.array([120.0, 110.0])
+    image = np.full((220, 240), 220, np.uint8)
+    turn = cv2.getRotationMatrix2D((0.0, 0.0), -angle_deg, 1.0)[:, :2]
+    for place in np.argwhere(np.ones((8, 6))) - [3.5, 2.5]:
+        x, y = np.rint(16 * (middle + spacing_px * turn @ place)).astype(int).tolist()
+        cv2.circle(image, (x, y), 16 * 6, 20, -1, cv2.LINE_AA, 4)  # in sixteenths of a pixel
+    cv2.imwrite(str(tmp_path / "turned.png"), cv2.GaussianBlur(image, (0, 0), 0.8))
+    arguments = ("--board", "circles", "--columns", "8", "--rows", "6", "--square-mm", "2", *COMMON[2:3], "120", "20")
+    output = tmp_path / "calibration.toml"
+    assert run("calibrate", tmp_path / "turned.png", *arguments, "-o", output) == (0, "")
+    calibration = load_calibration(output)
+    assert calibration.pixels_per_mm == pytest.approx(spacing_px / board.square_mm, rel=0.002)
+    nearest_deg = (angle_deg + 45.0) % 90.0 + 45.0
+    assert calibration.axis_angle_deg == pytest.approx(nearest_deg, abs=0.05)
+
+
 def test_parallel_views_do_not_determine_the_focal_length():
     flat = [CHARUCO.find(view(CHARUCO, (0, 0, angle), seed=angle)) for angle in (0, 1, 2, 3)]
     with pytest.raises(ValueError, match="tilt the board"):
@@ -255,6 +273,15 @@ def test_a_mistake_gives_one_line_and_no_file(run, tmp_path, case):
     assert (status, printed.count("\n")) == (2, 1)
     assert message in printed
     assert not (tmp_path / "c.toml").exists()
+
+
+def test_points_that_do_not_fit_the_board_are_refused(run, tmp_path, monkeypatch):
+    x, y = np.meshgrid(4.0 * np.arange(8), 4.0 * np.arange(6))
+    mirrored = np.column_stack([x.ravel(), y.ravel()]), np.column_stack([200.0 - x.ravel(), y.ravel()])
+    monkeypatch.setattr(Board, "find", lambda board, image: mirrored)
+    cv2.imwrite(str(tmp_path / "flat.png"), np.zeros(SIZE[::-1], np.uint8))
+    status, message = run("calibrate", tmp_path / "flat.png", *BOARD, *COMMON, "-o", tmp_path / "c.toml")
+    assert (status, "flat.png: the points of the board have a residual of" in message) == (2, True)
 
 
 def test_a_tilted_mid_plane_is_refused(run, charuco_views, tmp_path):

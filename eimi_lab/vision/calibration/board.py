@@ -111,10 +111,14 @@ class Board:
         return (self._grid(*size), np.asarray(corners, np.float64).reshape(-1, 2)) if detected else None
 
     def _circles(self, shown: NDArray[np.uint8]) -> tuple[Array, Array] | None:
-        detected, centres = cv2.findCirclesGrid(shown, (self.columns, self.rows), flags=cv2.CALIB_CB_SYMMETRIC_GRID)
-        return (
-            (self._grid(self.columns, self.rows), np.asarray(centres, np.float64).reshape(-1, 2)) if detected else None
-        )
+        size = (self.columns, self.rows)
+        detected, centres = cv2.findCirclesGrid(shown, size, flags=cv2.CALIB_CB_SYMMETRIC_GRID)
+        if not detected:
+            return None
+        on_board, in_image = self._grid(*size), np.asarray(centres, np.float64).reshape(-1, 2)
+        if _mirrored(on_board, in_image):  # OpenCV's order if the rows are steep in the image
+            in_image = in_image.reshape(self.rows, self.columns, 2)[:, ::-1].reshape(-1, 2)
+        return on_board, in_image
 
     def _grid(self, columns: int, rows: int) -> Array:
         """Return the points of a regular grid on the board, mm, row by row, beginning at (0, 0)."""
@@ -135,6 +139,12 @@ class Board:
             return np.asarray(self._pattern.generateImage(size, marginSize=0, borderBits=1)) < 128
         x, y = np.meshgrid(np.arange(self.columns), np.arange(self.rows))
         return np.kron((x + y) % 2 == 0, np.ones((_CELLS, _CELLS), dtype=bool))
+
+
+def _mirrored(on_board: Array, in_image: Array) -> bool:
+    """Return whether the map from points on the board to points in the image mirrors the board."""
+    affine = np.linalg.lstsq(on_board - on_board.mean(axis=0), in_image - in_image.mean(axis=0), rcond=None)[0]
+    return bool(np.linalg.det(affine) < 0.0)
 
 
 def print_board(board: Board, path: Path) -> None:

@@ -22,6 +22,7 @@ from eimi_lab.vision.calibration.plumb_line import measure_plumb_line
 from eimi_lab.vision.image_files import read_grey
 
 MOST_TILT_DEG = 5.0  # of a board in the beam's middle plane
+LARGEST_RESIDUAL = 0.1  # of a board's pose, in squares
 READING_PX = 1.0  # standard deviation of a point that a person reads off an image
 
 
@@ -116,7 +117,7 @@ def from_board(
     ------
     InputError
         If an image shows no board or has another size, if the lens cannot be calibrated, or if the board in the middle
-        plane is tilted by more than 5 degrees.
+        plane is tilted by more than 5 degrees or has a residual of more than a tenth of a square.
     """
     paths = list(dict.fromkeys([*images, mid_plane]))
     views, size = _views_of(board, paths)
@@ -134,6 +135,13 @@ def from_board(
         raise InputError(
             f"{mid_plane}: the board is tilted by {pose.tilt_deg:.1f} degrees (at most {MOST_TILT_DEG:g}); hold the "
             "board in the beam's middle plane, or give an image of the board in this plane with --mid-plane"
+        )
+    square_px = board.square_mm * pose.pixels_per_mm
+    if pose.residual_px > LARGEST_RESIDUAL * square_px:
+        raise InputError(
+            f"{mid_plane}: the points of the board have a residual of {pose.residual_px:.1f} px RMS (at most "
+            f"{LARGEST_RESIDUAL:g} of a square of {square_px:.1f} px); check --board, --columns and --rows, or give "
+            "more views, so that the lens is calibrated"
         )
     residual = f"residual of {pose.residual_px:.3f} px RMS"
     lines.append(f"board in the middle plane: {residual}, tilted by about {pose.tilt_deg:.1f} degrees")
