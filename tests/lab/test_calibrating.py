@@ -18,6 +18,7 @@ from eimi_lab.vision.calibration.lens import calibrate_lens
 from eimi_lab.vision.calibration.plumb_line import measure_plumb_line
 from tests.shared.flag_pictures import photograph
 from tests.shared.rendered_edges import CALIBRATION, NOMINAL, SPECIMEN, bend
+from tests.shared.small_pictures import SmallPicture, within
 
 SIZE = (480, 384)
 FOCAL = 1100.0
@@ -164,6 +165,32 @@ def test_the_width_of_the_beam_gives_the_scale(run, tmp_path, lit):
     # The uncertainty of the scale comes from the caliper, 0.05 mm of 3 mm; the pixels contribute much less.
     assert calibration.uncertainty["pixels_per_mm"] == pytest.approx(25.0 * 0.05 / 3.0, rel=0.01)
     assert run("segment", tmp_path / "nowhere.h5")[0] == 2
+
+
+STEPPED = """
+[specimen]
+name = "bar"
+material = "silicone"
+length_mm = 12.0
+width_mm = [[0.0, 3.0], [5.0, 3.0], [5.0, 2.0], [12.0, 2.0]]
+depth_mm = 4.0
+density_kg_m3 = 1070.0
+"""
+
+
+def test_a_table_of_widths_gives_the_scale(run, tmp_path):
+    picture = SmallPicture(ground=(200.0,), above_px=16)  # 7 px/mm; the clamp line is at (60, 26) px
+    half_px = np.where(picture.along < 5.0 * 7.0, 10.5, 7.0)
+    picture.add(within(picture.along, -99.0, 0.0), (20.0,))
+    picture.add(within(picture.aside, -half_px, half_px) * within(picture.along, -20.0, 84.0), (20.0,))
+    cv2.imwrite(str(tmp_path / "rest.png"), picture.exposed()[..., 0])
+    (tmp_path / "specimen.toml").write_text(STEPPED)
+    output = tmp_path / "calibration.toml"
+    arguments = ("--specimen", tmp_path / "specimen.toml", "--clamp-midpoint-px", "60", "26", "-o", output)
+    assert run("calibrate", tmp_path / "rest.png", *arguments) == (0, "")
+    calibration, mean_mm = load_calibration(output), 29.0 / 12.0
+    assert calibration.pixels_per_mm == pytest.approx(7.0, rel=0.003)
+    assert calibration.uncertainty["pixels_per_mm"] == pytest.approx(7.0 * 0.05 / mean_mm, rel=0.02)
 
 
 def thread(angle_deg, width_px=6.0, bob=True):

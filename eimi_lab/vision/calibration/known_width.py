@@ -17,6 +17,7 @@ from eimi_lab.vision.edges.dimensions import local_widths
 from eimi_lab.vision.edges.edge_set import EdgeSet
 from eimi_lab.vision.edges.finding import find_edges
 from eimi_lab.vision.edges.profiles import sample
+from eimi_lab.vision.edges.stated_shape import StatedShape
 from eimi_lab.vision.intensity import eight_bit, grey
 
 Array = NDArray[np.float64]
@@ -75,19 +76,21 @@ def measure_beam(image: NDArray[Any], specimen: SpecimenFile, guess: Calibration
         If the image shows no beam, or if the beam or the clamp's edge cannot be measured.
     """
     pixels = grey(image)
-    scale = _rough_width_px(pixels, guess) / specimen.specimen.width_mm
+    shape = StatedShape(specimen.mechanics())
+    scale = _rough_width_px(pixels, guess) / shape.median_mm
     calibration = guess.model_copy(update={"pixels_per_mm": scale})
     for _ in range(_ROUNDS):
         edges = _edges_of(pixels, specimen, calibration)
         left, right = edges.left.points_mm, edges.right.points_mm
-        widths = local_widths(left, right)
         frame = BeamFrame(calibration)
+        midpoint = _clamp_midpoint(edges, frame)
+        widths = shape.even_widths(left, local_widths(left, right), frame.to_mm(edges.corners_px[:2]))
         tilt, tilt_sigma = _tilt(left, right)
         stretch = float(np.median(widths)) / specimen.specimen.width_mm
         calibration = calibration.model_copy(
             update={
                 "pixels_per_mm": calibration.pixels_per_mm * stretch,
-                "clamp_midpoint_px": _clamp_midpoint(edges, frame),
+                "clamp_midpoint_px": midpoint,
                 "axis_angle_deg": calibration.axis_angle_deg + frame.hand * math.degrees(tilt),
             }
         )

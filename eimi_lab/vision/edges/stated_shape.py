@@ -62,6 +62,11 @@ class StatedShape:
         """Smallest width of the specimen, mm."""
         return float(self._strip.width_mm(self._along_mm).min())
 
+    @property
+    def median_mm(self) -> float:
+        """Median of the widths of the specimen along its length, mm."""
+        return float(np.median(self._strip.width_mm(self._along_mm)))
+
     @cached_property
     def edge_length_mm(self) -> float:
         """Mean length of the two edges of the specimen, mm."""
