@@ -155,7 +155,8 @@ def calibrate(
         raise InputError(
             f"--coil-constant {coil_constant:g}: should be greater than 0; without a coil, leave --coil-constant out"
         )
-    gravity = axis_angle if gravity_angle is None else gravity_angle
+    estimate = 90.0 if plumb_line else axis_angle  # cameras are seldom upside down
+    gravity = estimate if gravity_angle is None else gravity_angle
     field = axis_angle - 90.0 if field_angle is None else field_angle
     setup = calibration_file.BenchSetup(coil_constant, clamp_midpoint_px, axis_angle, gravity, field, telecentric)
     if pattern:
@@ -170,8 +171,7 @@ def calibrate(
         x, y = calibration.clamp_midpoint_px
         remarks.append(f"middle of the clamp: x = {x:.2f}, y = {y:.2f} px")
     if plumb_line:
-        estimate = 90.0 if gravity_angle is None else gravity_angle  # cameras are seldom upside down
-        calibration, more = calibration_file.with_measured_gravity(calibration, plumb_line, estimate)
+        calibration, more = calibration_file.with_measured_gravity(calibration, plumb_line, gravity)
         remarks += more
     write_calibration(calibration, output, force)
     if calibration.uncertainty:

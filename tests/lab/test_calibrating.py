@@ -281,6 +281,14 @@ BAD = {
     "small": (("--board", "circles", "--rows", "2"), "should have 4 to 60"),
     "not a board": (BOARD, "blank.png: shows no charuco board of 9 x 7"),
     "not a beam": (("--specimen", "type1"), "blank.png: no beam leaves clamp_midpoint_px"),
+    "weight across the beam": (
+        ("--specimen", "type1", "--axis-angle", "0", "--gravity-angle", "90"),
+        "blank.png: the weight of the beam acts across its axis and bends the beam",
+    ),
+    "plumb line across the beam": (
+        ("--specimen", "type1", "--axis-angle", "180", "--plumb-line", "thread.png"),
+        "(--axis-angle 180, gravity at 90 degrees)",
+    ),
     "ruler outside": (
         ("--ruler-px", "1", "1", "900", "1", "--ruler-mm", "9"),
         "both points of --ruler-px 1 1 900 1 should lie in the image",

@@ -23,6 +23,7 @@ from eimi_lab.vision.image_files import read_grey
 
 MOST_TILT_DEG = 5.0  # of a board in the beam's middle plane
 LARGEST_RESIDUAL = 0.1  # of a board's pose, in squares
+LARGEST_ACROSS = 0.1  # sine of the angle between gravity and a beam that is assumed to be straight
 READING_PX = 1.0  # standard deviation of a point that a person reads off an image
 
 
@@ -222,7 +223,8 @@ def from_beam(
     specimen : SpecimenFile
         The specimen, whose width is known.
     setup : BenchSetup
-        Approximate clamp and angles, and the values that the image does not show.
+        Approximate clamp and angles, and the values that the image does not show. The beam hangs or stands: gravity
+        acts along its axis.
     tolerance_mm : float
         Standard uncertainty of the width.
 
@@ -236,8 +238,14 @@ def from_beam(
     Raises
     ------
     InputError
-        If the beam cannot be measured.
+        If the beam cannot be measured, or if gravity acts across its axis and bends it.
     """
+    if abs(math.sin(math.radians(setup.gravity_angle_deg - setup.axis_angle_deg))) > LARGEST_ACROSS:
+        raise InputError(
+            f"{image}: the weight of the beam acts across its axis and bends the beam (--axis-angle "
+            f"{setup.axis_angle_deg:g}, gravity at {setup.gravity_angle_deg:g} degrees), so that its direction cannot "
+            "be measured; use --board or --ruler-px instead, or a picture of the hanging beam"
+        )
     width = specimen.specimen.width_mm
     guess = setup.calibration(1.0, 0.0, {}, _day_of([image]))
     pixels = _image_with_clamp(image, setup.clamp_midpoint_px)
