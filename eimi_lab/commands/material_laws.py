@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -306,9 +307,11 @@ def simulate(
         output=output,
         force=force,
     )
-    low_high = "" if result.tips is None else " [{:.2f}, {:.2f}]".format(*result.tips[-1, 2])
-    angles = result.tip_angle_deg.tolist()
+    low_high = ""
+    if result.tips is not None and math.isfinite(result.tips[-1, 2, 0]):
+        low_high = " [{:.2f}, {:.2f}]".format(*result.tips[-1, 2])
+    angles, remarks = result.tip_angle_deg.tolist(), list(result.remarks)
     return Result(
-        [f"{output}: {len(angles)} states, tip at {angles[-1]:.2f}{low_high} degrees"],
-        {"folder": output, "field_mT": result.field_mT.tolist(), "tip_angle_deg": angles},
+        [*remarks, f"{output}: {len(angles)} states, tip at {angles[-1]:.2f}{low_high} degrees"],
+        {"folder": output, "field_mT": result.field_mT.tolist(), "tip_angle_deg": angles, "told": remarks},
     )

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _ALONG = 26  # number of finite elements along the flexible part of the beam
+_FEWEST_CONVERGED = 0.975  # share of the draws: with fewer draws, an end of the 95 % interval is unknown
 
 
 @dataclass(frozen=True)
@@ -47,13 +48,17 @@ class Simulation:
         The fields, mT, shape (K,).
     tips
         Lower and upper ends of the 95 % intervals of the tip's x (mm), y (mm) and angle (degrees), shape (K, 3, 2);
-        None if the parameters have no uncertainty.
+        None if the parameters have no uncertainty, NaN in states in which too many random draws of the parameters give
+        no equilibrium.
+    remarks
+        Sentences about the intervals.
     """
 
     model: BeamModel | SolidBeside
     shapes: Shapes
     field_mT: Array
     tips: Array | None = None
+    remarks: tuple[str, ...] = ()
 
     @property
     def edges_mm(self) -> Array:
@@ -225,12 +230,14 @@ def simulate(
             f"specimen {specimen.specimen.name}: {law.name} at {field_mT[k]:g} mT: {failure}; use larger parameters "
             "(in Pa) or a weaker field (--coil-constant in mT/A)"
         )
-    tips = None
+    tips: Array | None = None
+    remarks: tuple[str, ...] = ()
     if drawn is not None and len(drawn):
         bulk_of_draws = np.full(len(drawn) + 1, bulk[0]) if bulk is not None and model is planar else None
         of_draws = planar.solve(law, np.concatenate([parameters[None], drawn]), loads, bulk_modulus_Pa=bulk_of_draws)
         tips = _tip_intervals(planar, of_draws, _tip(model, shapes)[0])
-    return Simulation(model, shapes, field_mT, tips)
+        remarks = _remarks(of_draws, field_mT[np.isnan(tips[:, 0, 0])])
+    return Simulation(model, shapes, field_mT, tips, remarks)
 
 
 def _tip(model: BeamModel | SolidBeside, shapes: Shapes) -> Array:
@@ -244,12 +251,29 @@ def _tip(model: BeamModel | SolidBeside, shapes: Shapes) -> Array:
 def _tip_intervals(planar: BeamModel, shapes: Shapes, tip: Array) -> Array:
     """Return the 95 % intervals of the tip's x (mm), y (mm) and angle (degrees) in K load steps, shape (K, 3, 2).
 
-    `shapes` of the planar model: first the nominal parameters, then random draws. `tip` (K, 3): nominal x, y and angle.
+    NaN where the nominal parameters or too many draws have no equilibrium. `shapes` of the planar model: first the
+    nominal parameters, then random draws. `tip` (K, 3): nominal x, y and angle.
     """
     values = _tip(planar, shapes)
     values += tip - values[0]
-    converged = shapes.status[1:] == Status.CONVERGED
-    return np.array([np.quantile(values[1:][converged[:, k], k], [0.025, 0.975], axis=0).T for k in range(len(tip))])
+    converged = shapes.status == Status.CONVERGED
+    known = converged[0] & (converged[1:].mean(axis=0) >= _FEWEST_CONVERGED)
+    intervals = np.full((*tip.shape, 2), np.nan)
+    for k in np.flatnonzero(known):
+        intervals[k] = np.quantile(values[1:][converged[1:, k], k], [0.025, 0.975], axis=0).T
+    return intervals
+
+
+def _remarks(shapes: Shapes, without_mT: Array) -> tuple[str, ...]:
+    """Return a sentence on the fields `without_mT`, in which the tip has no interval; empty if there are none."""
+    if not len(without_mT):
+        return ()
+    failed = int((shapes.status != Status.CONVERGED).sum(axis=0).max())
+    fields = ", ".join(f"{field:g}" for field in without_mT)
+    return (
+        f"no 95 % interval of the tip at {fields} mT: up to {failed} of {len(shapes.status)} simulations with random "
+        "parameters have no equilibrium",
+    )
 
 
 def write_simulation(folder: Path, simulation: Simulation) -> None:

@@ -416,15 +416,25 @@ def test_export_prints_or_writes_the_card_with_its_caveats(
         material_laws.export(fits, "yeoh", "sofa", fits, force=True)
 
 
-@pytest.mark.parametrize("with_intervals", [True, False])
-def test_simulate_says_where_the_tip_is(called: Any, with_intervals: bool) -> None:
-    tips = np.arange(18.0).reshape(2, 3, 3)[:, :, :2] if with_intervals else None
-    result = SimpleNamespace(tips=tips, tip_angle_deg=np.array([1.0, 2.345]), field_mT=np.array([0.0, 3.0]))
+TIPS = np.arange(18.0).reshape(2, 3, 3)[:, :, :2]
+
+
+@pytest.mark.parametrize(
+    ("tips", "words", "remarks"),
+    [
+        (TIPS, " [15.00, 16.00]", ()),
+        (None, "", ()),
+        (np.where([[[True]], [[False]]], TIPS, np.nan), "", ("no interval",)),
+    ],
+)
+def test_simulate_says_where_the_tip_is(called: Any, tips: Any, words: str, remarks: tuple[str, ...]) -> None:
+    angle_deg, field_mT = np.array([1.0, 2.345]), np.array([0.0, 3.0])
+    result = SimpleNamespace(tips=tips, tip_angle_deg=angle_deg, field_mT=field_mT, remarks=remarks)
     calls = called("eimi_lab.face.using.simulate", result)
     done = material_laws.simulate("p", "s", "yeoh", Path("o"))
-    words = " [15.00, 16.00]" if with_intervals else ""
-    assert done.lines == [f"o: 2 states, tip at {2.345:.2f}{words} degrees"]
-    assert done.content == {"folder": Path("o"), "field_mT": [0.0, 3.0], "tip_angle_deg": [1.0, 2.345]}
+    assert done.lines == [*remarks, f"o: 2 states, tip at {2.345:.2f}{words} degrees"]
+    content = {"folder": Path("o"), "field_mT": [0.0, 3.0], "tip_angle_deg": [1.0, 2.345], "told": list(remarks)}
+    assert done.content == content
     defaults = {
         **{
             "parameter": (),

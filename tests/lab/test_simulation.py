@@ -187,3 +187,16 @@ def test_a_finite_bulk_modulus_bends_further() -> None:
         simulate(load_specimen("type1"), law, values, field, 0.0, np.nan)
     with pytest.raises(InputError, match="--coil-constant: the fields are not finite"):
         simulate(load_specimen("type1"), law, values, np.nan * field, 0.0)
+
+
+def test_a_simulation_has_no_interval_if_too_many_draws_have_no_equilibrium() -> None:
+    law, values = parse_parameters("neo-hookean", ["mu_Pa=46390"])
+    simulation = simulate(planar("type1"), law, values, np.array([2.0]), 0.0, drawn=np.array([[45e3], [-5.0]]))
+    assert simulation.tips is not None
+    assert np.isnan(simulation.tips).all()
+    assert simulation.remarks == (
+        "no 95 % interval of the tip at 2 mT: up to 1 of 3 simulations with random parameters have no equilibrium",
+    )
+    without = simulate(planar("type1"), law, values, np.array([2.0]), 0.0, drawn=np.array([[-5.0]]))
+    assert without.tips is not None
+    assert np.isnan(without.tips).all()
