@@ -192,7 +192,7 @@ def test_the_farthest_click_is_reported_in_widths_beyond_the_error_of_a_click() 
     clicks = np.array([[53.0, 20.0], [65.0, 40.0], [41.0, 60.0]])
     result = with_clicks(followed(), clicks, 10.0)
     assert result.findings == {"followed_length": 0.9, "followed_click": pytest.approx(0.5)}
-    assert result.words["clicks_off"] == "the point [65, 40] lies 15 px from the body that was followed"
+    assert result.words["clicks_off"] == "point 2 lies 15 px from the body that was followed"
     assert with_clicks(followed(), clicks[:1], 10.0).findings["followed_click"] == 0.0
     nothing = with_clicks(FollowedBeam({"followed_length": 0.0}), clicks, 10.0)
     assert nothing.findings["followed_click"] == 99.0

@@ -39,10 +39,10 @@ def with_clicks(followed: FollowedBeam, clicks: Array, width_px: float) -> Follo
         return followed
     distance = off_path(path, clicks) if len(path) > 1 else np.full(len(clicks), np.inf)
     worst = int(distance.argmax())
-    x, y = clicks[worst].tolist()
     off = "no body as wide as width_mm could be followed through the points"
     if np.isfinite(distance[worst]):
-        off = f"the point [{x:g}, {y:g}] lies {distance[worst]:.0f} px from the body that was followed"
+        # without coordinates, because `clicks` may count them from the corner of a region
+        off = f"point {worst + 1} lies {distance[worst]:.0f} px from the body that was followed"
     beyond = max(0.0, float(distance[worst]) - CLICKED_PX) / width_px
     findings = followed.findings | {"followed_click": min(beyond, _FARTHEST)}
     return replace(followed, findings=findings, words=followed.words | {"clicks_off": off})
