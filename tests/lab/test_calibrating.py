@@ -141,6 +141,22 @@ def test_a_turned_board_of_circles_gives_the_scale(run, tmp_path, angle_deg):
     assert calibration.axis_angle_deg == pytest.approx(nearest_deg, abs=0.05)
 
 
+def test_a_view_of_a_single_row_of_corners_is_refused(run, tmp_path):
+    long = Board("charuco", 20, 5, 2.0)
+    drawn = np.kron(np.pad(~long.cells(), 10, constant_values=True), np.ones((3, 3))).astype(np.uint8) * 220
+    drawn[30 + 2 * 30 + 10 :] = 220  # two rows of squares, and a row of corners between them
+    cv2.imwrite(str(tmp_path / "strip.png"), cv2.GaussianBlur(drawn, (0, 0), 0.8))
+    size = ("--board", "charuco", "--columns", "20", "--rows", "5", "--square-mm", "2")
+    status, message = run("calibrate", tmp_path / "strip.png", *size, *COMMON, "-o", tmp_path / "c.toml")
+    assert (status, "strip.png: shows no charuco board of 20 x 5" in message) == (2, True)
+
+
+def test_views_of_a_single_row_of_corners_give_no_lens():
+    row = np.column_stack([4.0 * np.arange(14), np.zeros(14)])
+    with pytest.raises(ValueError, match="no lens fits the views"):
+        calibrate_lens([(row, 9.0 * row + [100.0, 100.0 + y]) for y in range(4)], SIZE)
+
+
 def test_parallel_views_do_not_determine_the_focal_length():
     flat = [CHARUCO.find(view(CHARUCO, (0, 0, angle), seed=angle)) for angle in (0, 1, 2, 3)]
     with pytest.raises(ValueError, match="tilt the board"):

@@ -79,7 +79,7 @@ def test_a_field_along_the_axis_leaves_y_clockwise_of_x() -> None:
 
 def test_a_board_is_found_by_12_of_its_points(monkeypatch: pytest.MonkeyPatch) -> None:
     for count, is_found in ((11, False), (12, True)):
-        points = np.zeros((count, 2)), np.ones((count, 2))
+        points = 5.0 * np.column_stack(np.divmod(np.arange(count), 4)), np.ones((count, 2))
         monkeypatch.setattr(Board, "_checkerboard", lambda self, shown, points=points: points)
         found = Board("checkerboard", 4, 4, 5.0).find(np.zeros((20, 20), np.uint8))
         assert (found is points) is is_found

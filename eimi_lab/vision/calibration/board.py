@@ -85,11 +85,14 @@ class Board:
         image_px : ndarray, shape (n, 2)
             The same points in the image.
 
-            None is returned if fewer than 12 points are detected.
+            None is returned if fewer than 12 points are detected, or if all points lie on one line.
         """
         find = {"charuco": self._charuco, "checkerboard": self._checkerboard, "circles": self._circles}[self.kind]
         points = find(eight_bit(image))
-        return points if points is not None and len(points[0]) >= _FEWEST_POINTS else None
+        if points is None or len(points[0]) < _FEWEST_POINTS:
+            return None
+        from_middle = points[0] - points[0].mean(axis=0)
+        return points if np.linalg.matrix_rank(from_middle, tol=0.5 * self.square_mm) == 2 else None
 
     def _charuco(self, shown: NDArray[np.uint8]) -> tuple[Array, Array] | None:
         corners, ids, _, _ = cv2.aruco.CharucoDetector(self._pattern).detectBoard(shown)

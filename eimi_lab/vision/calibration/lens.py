@@ -89,8 +89,8 @@ def calibrate_lens(views: Sequence[View], size: tuple[int, int]) -> Lens:
     Raises
     ------
     ValueError
-        If there are fewer than four views, if no two views differ in tilt by 15 degrees, or if the focal length is
-        uncertain by 2 % or more.
+        If there are fewer than four views, if no lens fits the views, if no two views differ in tilt by 15 degrees, or
+        if the focal length is uncertain by 2 % or more.
 
     References
     ----------
@@ -105,9 +105,12 @@ def calibrate_lens(views: Sequence[View], size: tuple[int, int]) -> Lens:
     images = [image.astype(np.float32).reshape(-1, 1, 2) for _, image in views]
     start = np.array([[max(size), 0.0, size[0] / 2], [0.0, max(size), size[1] / 2], [0.0, 0.0, 1.0]])
     flags = cv2.CALIB_FIX_K3 | cv2.CALIB_FIX_ASPECT_RATIO
-    residual, matrix, distortion, turns, _, deviations, _, _ = cv2.calibrateCameraExtended(
-        boards, images, size, start, np.zeros(5), flags=flags
-    )
+    try:
+        residual, matrix, distortion, turns, _, deviations, _, _ = cv2.calibrateCameraExtended(
+            boards, images, size, start, np.zeros(5), flags=flags
+        )
+    except cv2.error as error:
+        raise ValueError("no lens fits the views of the board; take views that show more of the board") from error
     focal, sigma = float(matrix[0, 0]), float(np.max(deviations[:2]))
     normals = np.array([cv2.Rodrigues(turn)[0][:, 2] for turn in turns])
     tilt_range_deg = math.degrees(math.acos(float(np.clip((normals @ normals.T).min(), -1.0, 1.0))))
