@@ -8,6 +8,13 @@ MOST_PIXELS = 100_000_000
 
 _JPEG_SIZES = frozenset({*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC})  # start-of-frame markers
 _TIFF_WIDTH, _TIFF_HEIGHT = 256, 257
+# By the first bytes: byte order, and codes of `struct` for the number of entries of a page and for offsets.
+_TIFF_LAYOUTS = {
+    b"II*\0": ("<", "H", "I"),
+    b"MM\0*": (">", "H", "I"),
+    b"II+\0": ("<", "Q", "Q"),  # BigTIFF
+    b"MM\0+": (">", "Q", "Q"),
+}
 
 
 def claimed_size(raw: bytes) -> tuple[int, int] | None:
@@ -26,7 +33,7 @@ def claimed_size(raw: bytes) -> tuple[int, int] | None:
     References
     ----------
     PNG specification (W3C), section 11.2.2; JPEG, ITU-T T.81, table B.2; BITMAPINFOHEADER (Microsoft);
-    TIFF 6.0 (Adobe), section 2; the netpbm manual of the PGM format.
+    TIFF 6.0 (Adobe), section 2; the BigTIFF file format (LibTIFF); the netpbm manual of the PGM format.
     """
     try:
         if raw.startswith(b"\x89PNG"):
@@ -35,14 +42,14 @@ def claimed_size(raw: bytes) -> tuple[int, int] | None:
             return _jpeg(raw)
         elif raw.startswith(b"BM"):
             width, height = struct.unpack_from("<ii", raw, 18)
-        elif raw[:4] in (b"II*\0", b"MM\0*"):
-            return _tiff(raw, "<" if raw.startswith(b"II") else ">")
+        elif raw[:4] in _TIFF_LAYOUTS:
+            return _tiff_page(raw)[0]
         elif raw[:2] in (b"P2", b"P5"):
             lines = [line for line in raw[:4096].split(b"\n") if not line.startswith(b"#")]
             width, height = (int(word) for word in b" ".join(lines).split()[1:3])
         else:
             return None
-    except (struct.error, ValueError):
+    except (struct.error, ValueError, OverflowError):
         return None
     return abs(width), abs(height)
 
@@ -57,35 +64,36 @@ def _jpeg(raw: bytes) -> tuple[int, int] | None:
     return None
 
 
-def _tiff(raw: bytes, order: str) -> tuple[int, int] | None:
-    return _tiff_page(raw, order, struct.unpack_from(f"{order}I", raw, 4)[0])[0]
-
-
-def _tiff_page(raw: bytes, order: str, at: int) -> tuple[tuple[int, int] | None, int]:
+def _tiff_page(raw: bytes, at: int | None = None) -> tuple[tuple[int, int] | None, int]:
     """Return the size (px) on a page of a TIFF file, None if unknown, and the next page's offset in bytes (0 for none).
 
-    `order`: byte order, "<" or ">". `at`: offset of the page's directory, bytes.
+    `at`: offset of the page's directory, bytes; None for the first page.
     """
-    (count,) = struct.unpack_from(f"{order}H", raw, at)
-    end = at + 2 + 12 * count
+    order, count_code, offset_code = _TIFF_LAYOUTS[raw[:4]]
+    wide = struct.calcsize(offset_code)
+    if at is None:
+        (at,) = struct.unpack_from(order + offset_code, raw, wide)
+    (count,) = struct.unpack_from(order + count_code, raw, at)
+    begin, step = at + struct.calcsize(count_code), 4 + 2 * wide
+    end = begin + step * count
     sizes = {}
-    for entry in range(at + 2, end, 12):
+    for entry in range(begin, end, step):
         tag, kind = struct.unpack_from(f"{order}HH", raw, entry)
         if tag in (_TIFF_WIDTH, _TIFF_HEIGHT):
-            (sizes[tag],) = struct.unpack_from(f"{order}{'H' if kind == 3 else 'I'}", raw, entry + 8)
+            value_code = {3: "H", 16: "Q"}.get(kind, "I")
+            (sizes[tag],) = struct.unpack_from(order + value_code, raw, entry + 4 + wide)
     size = (sizes[_TIFF_WIDTH], sizes[_TIFF_HEIGHT]) if len(sizes) == 2 else None
-    return size, int.from_bytes(raw[end : end + 4], "little" if order == "<" else "big")
+    return size, int.from_bytes(raw[end : end + wide], "little" if order == "<" else "big")
 
 
 def is_stack(raw: bytes) -> bool:
     """Return whether the second page of a TIFF file contains an image of the same size as the first page."""
-    if raw[:4] not in (b"II*\0", b"MM\0*"):
+    if raw[:4] not in _TIFF_LAYOUTS:
         return False
-    order = "<" if raw.startswith(b"II") else ">"
     try:
-        size, following = _tiff_page(raw, order, struct.unpack_from(f"{order}I", raw, 4)[0])
-        return bool(following) and _tiff_page(raw, order, following)[0] == size
-    except struct.error:
+        size, following = _tiff_page(raw)
+        return bool(following) and _tiff_page(raw, following)[0] == size
+    except (struct.error, OverflowError):
         return False
 
 

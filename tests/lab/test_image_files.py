@@ -117,3 +117,14 @@ def test_an_image_is_transparent_if_one_pixel_is_clearly_less_than_opaque(
     assert not _is_transparent(image[..., :3] // 2)  # a colour image has no opacity
     assert not _is_transparent(image[..., 0] // 2)
     assert not _is_transparent(None)
+
+
+@pytest.mark.parametrize("big_tiff", [False, True])
+def test_a_stack_of_pictures_is_refused(tmp_path: Path, frame: Callable[..., np.ndarray], big_tiff: bool) -> None:
+    first, *others = (Image.fromarray(frame(seed)) for seed in (1, 2))
+    path = tmp_path / "stack.tif"
+    first.save(path, save_all=True, append_images=others, big_tiff=big_tiff)
+    with pytest.raises(InputError, match=r"stack\.tif: is a stack of pictures; save each picture as a separate file"):
+        read_image(path)
+    first.save(path, big_tiff=big_tiff)
+    np.testing.assert_array_equal(read_image(path), frame(1))

@@ -40,6 +40,17 @@ def tiff(order: str, pages: tuple[tuple[int, int], ...], kind: int = 3) -> bytes
     return raw
 
 
+def big_tiff(order: str, pages: int, width: int = 640, kind: int = 3) -> bytes:
+    # Return a BigTIFF file without pixels, whose pages have the stated width and the height 480.
+    raw = (b"II+\0" if order == "<" else b"MM\0+") + struct.pack(f"{order}HHQ", 8, 0, 16)
+    code = {3: "H6x", 4: "I4x", 16: "Q"}[kind]
+    for number in range(pages):
+        entries = (struct.pack(f"{order}HHQ{code}", tag, kind, 1, at) for tag, at in ((256, width), (257, 480)))
+        directory = struct.pack(f"{order}Q", 2) + b"".join(entries)
+        raw += directory + struct.pack(f"{order}Q", len(raw) + len(directory) + 8 if number + 1 < pages else 0)
+    return raw
+
+
 def segment(marker: int, content: bytes = b"") -> bytes:
     return bytes([0xFF, marker]) + struct.pack(">H", len(content) + 2) + content
 
@@ -70,6 +81,12 @@ def jpeg(marker: int = 0xC0, before: bytes = b"", end: bytes = b"\xff\xd9") -> b
         (tiff("<", ((70000, 480),), 4), (70000, 480)),
         (tiff(">", ((70000, 480),), 4), (70000, 480)),
         (tiff("<", ((640, 480),))[:30], None),
+        (big_tiff("<", 1), (640, 480)),
+        (big_tiff(">", 2), (640, 480)),
+        (big_tiff("<", 1, 70000, 4), (70000, 480)),
+        (big_tiff(">", 1, 70000, 16), (70000, 480)),
+        (big_tiff("<", 1)[:40], None),
+        (b"II+\0\10\0\0\0" + b"\xff" * 8, None),
         (b"P5\n# made by hand\n640 480\n255\n", (640, 480)),
         (b"P2 640 480 255\n", (640, 480)),
         (b"P5\nwide high\n", None),
@@ -91,6 +108,10 @@ def test_the_size_is_read_from_the_header(raw: bytes, size: tuple[int, int] | No
         (tiff("<", ((640, 480), (64, 48))), False),
         (tiff("<", ((640, 480),)), False),
         (tiff("<", ((640, 480), (640, 480)))[:60], False),
+        (big_tiff("<", 2), True),
+        (big_tiff(">", 2), True),
+        (big_tiff("<", 1), False),
+        (b"II+\0\10\0\0\0" + b"\xff" * 8, False),
         (png(), False),
     ],
     ids=itertools.count(),
