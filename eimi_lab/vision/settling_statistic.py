@@ -97,15 +97,16 @@ def measure_noise(frames: Sequence[NDArray[Any]]) -> Noise:
     """
     if len(frames) < 2:
         raise ValueError("the noise of the camera is measured on at least two frames, but fewer frames are given")
-    first = frames[0].astype(np.float64)
-    edges = np.unique(np.quantile(first, np.linspace(0, 1, LEVELS + 1)))
-    level_index = np.clip(np.searchsorted(edges, first, side="right") - 1, 0, max(len(edges) - 2, 0)).ravel()
+    # The mean of the frames is independent of their differences; the grey value of one frame is not.
+    mean = np.mean(frames, axis=0, dtype=np.float64)
+    edges = np.unique(np.quantile(mean, np.linspace(0, 1, LEVELS + 1)))
+    level_index = np.clip(np.searchsorted(edges, mean, side="right") - 1, 0, max(len(edges) - 2, 0)).ravel()
     count = np.bincount(level_index)
     half_squares = [
         np.bincount(level_index, weights=((b.astype(np.float64) - a) ** 2).ravel() / 2) / np.maximum(count, 1)
         for a, b in pairwise(frames)
     ]
-    level = np.bincount(level_index, weights=first.ravel()) / np.maximum(count, 1)
+    level = np.bincount(level_index, weights=mean.ravel()) / np.maximum(count, 1)
     populated = count >= min(FEWEST_PIXELS, count.max())
     return Noise(level[populated], np.maximum(np.median(half_squares, axis=0)[populated], QUANTISATION))
 

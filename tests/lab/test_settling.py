@@ -32,6 +32,15 @@ def test_the_settling_ratio_is_one_at_rest(electrons: float) -> None:
     assert max(ratios) < 1.15
 
 
+@pytest.mark.parametrize("number", [2, 3, 4])
+def test_the_settling_ratio_is_one_at_rest_in_front_of_an_even_light(number: int) -> None:
+    rng = np.random.default_rng(7)
+    light = np.where(np.abs(np.arange(300) - 150) < 37, 20.0, 180.0)
+    frames = [np.rint(light + rng.normal(0.0, 2.0, (200, 300))).astype(np.uint8) for _ in range(number + 2)]
+    ratio = measure_noise(frames[:number]).difference_ratio(*frames[-2:], np.arange(frames[0].size))
+    assert ratio == pytest.approx(1.0, abs=0.04)
+
+
 def test_the_estimated_noise_is_the_shot_noise() -> None:
     rng = np.random.default_rng(2)
     noise = measure_noise([camera(rng, 0.0) for _ in range(8)])
