@@ -96,7 +96,8 @@ class Calibration(Document):
     field: CoilShapeTable | None = None
     """The field of the coil as a function of position; by default the field is uniform."""
     camera_matrix: Matrix | None = None
-    """Camera matrix of OpenCV; give camera_matrix and distortion together."""
+    """Camera matrix of OpenCV, `[[fx, skew, cx], [0, fy, cy], [0, 0, 1]]`; give camera_matrix and distortion together.
+    """
     distortion: Numbers | None = None
     """Distortion coefficients of OpenCV: 4, 5, 8, 12 or 14 numbers."""
     stand_off_mm: float | None = Field(default=None, gt=0)
@@ -131,6 +132,11 @@ class Calibration(Document):
             )
         if (self.camera_matrix is None) != (self.distortion is None):
             raise ValueError("camera_matrix and distortion belong together: give both keys or none of them")
+        if self.camera_matrix is not None and not _is_camera_matrix(self.camera_matrix):
+            raise ValueError(
+                f"camera_matrix = {[list(row) for row in self.camera_matrix]} should be [[fx, skew, cx], [0, fy, cy], "
+                "[0, 0, 1]], with fx and fy greater than 0; some programs write the transpose of this matrix"
+            )
         if self.distortion is not None and len(self.distortion) not in DISTORTION_LENGTHS:
             raise ValueError(f"distortion has {len(self.distortion)} numbers; OpenCV needs 4, 5, 8, 12 or 14 numbers")
         if self.telecentric and self.stand_off_mm is not None:
@@ -205,6 +211,11 @@ class Calibration(Document):
             return None
         begin = datetime(self.calibrated_on.year, self.calibrated_on.month, self.calibrated_on.day, tzinfo=UTC)
         return max(0.0, (taken - begin).total_seconds() / 86400.0)
+
+
+def _is_camera_matrix(matrix: Matrix) -> bool:
+    (fx, _, _), (zero, fy, _), last = matrix
+    return fx > 0.0 and fy > 0.0 and zero == 0.0 and last == (0.0, 0.0, 1.0)
 
 
 PLACES = ("clamp_midpoint_px", "axis_angle_deg")

@@ -207,8 +207,8 @@ def open_virtual_rig(rig: Rig, specimen: SpecimenFile) -> tuple[PowerSupply, Vir
     Raises
     ------
     InputError
-        If the rig has no table [virtual] (the parameters of a simulation), or if the table does not define the material
-        of the specimen.
+        If the rig has no table [virtual] (the parameters of a simulation), if the table does not define the material of
+        the specimen, or if the calibration places the lens inside the specimen.
     """
     virtual = _virtual(rig)
     _material(virtual, specimen)
@@ -272,12 +272,15 @@ def _along_axis_mT(calibration: Calibration, bench: TrueBench) -> float:
 def virtual_camera(rig: Rig, specimen: SpecimenFile, coil: Coil, clock: Clock) -> VirtualCamera:
     """Create a simulated camera that sees a specimen in a coil.
 
-    Raises InputError if the rig file has no table [virtual] (the parameters of the simulation), or if the table does
-    not define the material of the specimen.
+    Raises InputError if the rig file has no table [virtual] (the parameters of the simulation), if the table does not
+    define the material of the specimen, or if the calibration places the lens inside the specimen.
     """
     virtual, frame = _virtual(rig), BeamFrame(rig.calibration)
     material = _material(virtual, specimen)
-    view = frame.view(specimen.specimen.depth_mm, virtual.frame_size_px)
+    try:
+        view = frame.view(specimen.specimen.depth_mm, virtual.frame_size_px)
+    except ValueError as error:
+        raise InputError(f"rig {rig.name!r}: calibration: {error}") from error
     gravity_deg = frame.gravity_deg if rig.calibration.gravity else None
     bench = virtual.materials.bench or TrueBench()
     mT_per_A = bench.coil_constant_mT_per_A or rig.calibration.mT_per_A

@@ -86,7 +86,7 @@ A_PROTOCOL: dict[str, Any] = {
     "limits": SupplyLimits(current_A=0.5, voltage_V=12.0),
     "settle": Settle(**A_SETTLE),
 }
-WITH_A_MATRIX = {"camera_matrix": ((1.0, 0.0, 0.0),) * 3}
+A_MATRIX = ((1.0, 0.5, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 A_MATERIAL = {"model": "neo-hookean", "parameters": {"mu_Pa": 1e4}}
 
 BOUNDS: list[tuple[type, dict[str, Any], str, Any, Any]] = [
@@ -149,9 +149,18 @@ BOUNDS: list[tuple[type, dict[str, Any], str, Any, Any]] = [
     (Calibration, A_CALIBRATION, "uncertainty", {"axis_angle_deg": 90.0}, {"axis_angle_deg": -0.1}),
     (Calibration, A_CALIBRATION, "uncertainty", {}, {"stand_off_mm": 1.0}),
     (Calibration, A_CALIBRATION, "uncertainty", {}, {"camera_tilt_deg": 1.0}),
-    (Calibration, A_CALIBRATION | {"distortion": (0.0,) * 4}, "camera_matrix", ((1.0, 0.0, 0.0),) * 3, None),
     *(
-        (Calibration, A_CALIBRATION | WITH_A_MATRIX, "distortion", (0.0,) * good, (0.0,) * bad)
+        (Calibration, A_CALIBRATION | {"distortion": (0.0,) * 4}, "camera_matrix", A_MATRIX, bad)
+        for bad in (
+            None,
+            ((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+            ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0)),
+            ((1.0, 0.0, 0.0), (0.5, 1.0, 0.0), (0.0, 0.0, 1.0)),
+            ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (7.0, 8.0, 1.0)),
+        )
+    ),
+    *(
+        (Calibration, A_CALIBRATION | {"camera_matrix": A_MATRIX}, "distortion", (0.0,) * good, (0.0,) * bad)
         for good, bad in ((4, 3), (5, 6), (8, 7), (12, 9), (14, 13), (14, 15))
     ),
     (CoilShapeTable, {"gap_mm": 0.0}, "radius_mm", 1e-9, 0.0),

@@ -217,6 +217,10 @@ def test_a_bad_protocol_is_refused_in_one_line(old: str, new: str, expected: str
         ("field_angle_deg = 90.0", "field_angle_deg = 90 should be across the beam"),
         ("pixels_per_cm = 80.0", "pixels_per_cm is not a known key; did you mean pixels_per_mm?"),
         ("distortion = [0.0, 0.0, 0.0, 0.0]", "camera_matrix and distortion belong together"),
+        (
+            "camera_matrix = [[900, 0, 0], [0, 900, 0], [64, 48, 1]]\ndistortion = [0.0, 0.0, 0.0, 0.0]",
+            "camera_matrix = [[900.0, 0.0, 0.0], [0.0, 900.0, 0.0], [64.0, 48.0, 1.0]] should be [[fx, skew, cx], [0,",
+        ),
         ("clamp_midpoint_px = [64.0]", "clamp_midpoint_px should have more than 1 values"),
         ("telecentric = true\nstand_off_mm = 300.0", "stand_off_mm = 300 and telecentric = true exclude each other"),
         ("camera_tilt_deg = [1.0, 0.0]", "stand_off_mm is missing: camera_tilt_deg needs the distance"),

@@ -19,6 +19,7 @@ from eimi_lab.config.rig import Rig, load_rig
 from eimi_lab.config.specimen import SpecimenFile, load_specimen
 from eimi_lab.config.toml import parse
 from eimi_lab.page import camera_alone
+from eimi_lab.process.errors import InputError
 from eimi_lab.virtual.virtual_rig import open_virtual_rig
 
 
@@ -47,6 +48,11 @@ def frame_and_readings(of: Rig, specimen: SpecimenFile, current_A: float = 0.0) 
     supply.set_output(True)
     clock.sleep(2.0)
     return camera.grab(1.0).image, [supply.measure().current_A for _ in range(6)]
+
+
+def test_a_lens_inside_the_beam_is_refused(specimen: SpecimenFile) -> None:
+    with pytest.raises(InputError, match=r"calibration: stand_off_mm = 2 .* more than half of depth_mm = 5"):
+        open_virtual_rig(rig(stand_off_mm=2.0, telecentric=False), specimen)
 
 
 def test_equal_seeds_give_equal_frames_and_readings_and_other_seeds_others(specimen: SpecimenFile) -> None:
