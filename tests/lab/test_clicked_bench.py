@@ -112,6 +112,8 @@ def test_the_uncertainty_of_a_distance_measured_with_a_ruler_is_at_most_100_mm()
     ("changes", "words"),
     [
         ({"tip_px": [2900, 1400]}, "the tip is 47.5 mm from the clamp by the ruler, but length_mm = 42"),
+        ({"tip_px": [1000, 1400]}, "the clicked tip is 0 px from the clamp (at least 40)"),
+        ({"tip_px": [1039, 1400], "leaves": "downward"}, "the clicked tip is 39 px from the clamp"),
         ({"stand_off_mm": 11.9}, "the lens would be 11.9 mm from the beam, less than twice the beam's depth_mm = 6"),
         ({"lens": None}, "stand_off_mm is missing"),
         ({"ruler_px": [[1000, 600], [1039, 600]]}, "39 px apart; click ticks that are at least 40 px apart"),

@@ -15,6 +15,7 @@ from eimi_lab.process.errors import InputError
 from eimi_lab.vision.calibration.exif_lens import FOCAL_LENGTH_SHARE, FocalLength
 
 FEWEST_RULER_PX = 40.0
+FEWEST_BEAM_PX = 40.0  # from the clamp to the tip
 LARGEST_TILT_DEG = 20.0  # of a phone; beyond it, a ruler is probably neither horizontal nor vertical
 LEVEL_DEG = 0.5  # assumed: a ruler or a clamp that was set horizontal or vertical by eye or with a spirit level
 UPRIGHT_DEG = 1.5  # assumed: a phone that was held upright
@@ -99,10 +100,16 @@ def measure_bench(
     _check_inside(clicked, size)
     click_px = max(CLICK_PX, CLICK_SHARE * math.hypot(*size))
     scale, scale_share, ruler_words = _scale(clicked, click_px)
+    clamp = _middle(clicked)
+    chord_px = math.dist(clamp, clicked.tip_px)
+    if chord_px < FEWEST_BEAM_PX:
+        raise InputError(
+            f"the clicked tip is {chord_px:.0f} px from the clamp (at least {FEWEST_BEAM_PX:g}); click the tip again, "
+            "or take a picture in which the beam is larger"
+        )
     gravity_deg, gravity_sigma, gravity_words = _gravity(clicked, click_px)
     axis_deg, axis_sigma, axis_words = _axis(clicked, gravity_deg, click_px)
-    clamp = _middle(clicked)
-    chord_mm = math.dist(clamp, clicked.tip_px) / scale
+    chord_mm = chord_px / scale
     if chord_mm > _SLACK * length_mm:
         raise InputError(
             f"the tip is {chord_mm:.3g} mm from the clamp by the ruler, but length_mm = {length_mm:g}: click the tip "
