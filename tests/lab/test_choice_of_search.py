@@ -380,6 +380,18 @@ def test_the_optical_axis_stays_where_it_was_in_the_picture() -> None:
     assert of_lens.calibration.camera_matrix == ((400.0, 0.5, 50.0), (0.0, 401.0, 55.0), (0.0, 0.0, 1.0))
 
 
+def test_a_region_has_the_perspective_of_the_whole_picture() -> None:
+    ruler = {"stand_off_mm": 60.0, "camera_tilt_deg": (2.0, -1.0), "ruler_px": ((30.0, 100.0), (100.0, 98.0))}
+    whole = in_region((20, 5, 80, 100), **ruler)
+    region = region_of(whole, (112, 128))
+    assert region is not None
+    seen, expected = BeamFrame(region.calibration).view(4.0, (80, 100)), BeamFrame(whole).view(4.0, (128, 112))
+    assert seen is not None
+    assert expected is not None
+    for values, others in zip(vars(seen).values(), vars(expected).values(), strict=True):
+        np.testing.assert_allclose(values, others)
+
+
 @pytest.mark.parametrize(
     ("region", "clicks", "words"),
     [

@@ -83,6 +83,8 @@ def region_of(calibration: Calibration, shape: tuple[int, ...]) -> Region | None
     if len(clicks):
         moved = tuple((float(x), float(y)) for x, y in clicks)
         changed["picture"] = calibration.picture.model_copy(update={"along_px": moved})
+    if calibration.ruler_px is not None:
+        changed["ruler_px"] = tuple((x - left, y - top) for x, y in calibration.ruler_px)
     if calibration.camera_matrix is None and calibration.stand_off_mm is not None:
         # Without a camera matrix, the optical axis passes through the centre of the whole picture.
         focal_px = calibration.stand_off_mm * calibration.pixels_per_mm
