@@ -67,9 +67,10 @@ def _stages(protocol: Protocol) -> Iterator[tuple[str, float, float]]:
             for current_A in (rule.current_A, 0.0):
                 held_s = at_rest_s + FRAME_WITHIN_S if is_recorded else REACHED_WITHIN_S
                 yield f"conditioning cycle {cycle} ({current_A:g} A)", current_A, held_s
+    state_s = max(at_rest_s, protocol.settle.dwell_s)
     taken_s = protocol.frames_per_state * FRAME_WITHIN_S + protocol.transients.frames_per_state * STORED_WITHIN_S
     for state, current_A in enumerate(protocol.currents_A):
-        yield f"state {state} ({current_A:g} A)", current_A, at_rest_s + taken_s
+        yield f"state {state} ({current_A:g} A)", current_A, state_s + taken_s
     if protocol.ring_down:
         from_A = protocol.ring_down_from_A
         for number in range(protocol.ring_down.repeats):
@@ -110,5 +111,5 @@ def refuse_overheating(protocol: Protocol, rating: CoilRating) -> None:
         raise InputError(
             f"protocol {protocol.name}: could overheat the coil at {worst.stage}: {100 * worst.share:.0f} % of the "
             f"heat at coil.continuous_current_A = {rating.continuous_current_A:g}; reduce the currents, "
-            "settle.timeout_s, or the number of states or cycles"
+            "settle.timeout_s, settle.dwell_s, or the number of states or cycles"
         )

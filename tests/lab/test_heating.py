@@ -37,6 +37,16 @@ def test_a_constant_current_warms_the_coil_exponentially() -> None:
     assert hottest_part.share == pytest.approx(4 * (1 - math.exp(-held_s / 100.0)), rel=1e-3)
 
 
+@pytest.mark.parametrize(("dwell_s", "rest_s"), [(20.0, 30.0 + REACHED_WITHIN_S), (600.0, 600.0)])
+def test_a_dwell_longer_than_the_wait_for_the_beam_warms_the_coil(dwell_s: float, rest_s: float) -> None:
+    # With a time constant much longer than the run, the heat is the integral of the squared current.
+    rating = CoilRating(continuous_current_A=1.0, thermal_time_constant_s=1e7)
+    usual = protocol([0.0, 2.0], timeout_s=30.0)
+    long = usual.model_copy(update={"settle": usual.settle.model_copy(update={"dwell_s": dwell_s})})
+    held_s = rest_s + 2 * FRAME_WITHIN_S + 12 * STORED_WITHIN_S
+    assert hottest(long, rating).share == pytest.approx(4.0 * held_s / 1e7, rel=1e-3)
+
+
 @pytest.mark.parametrize("cycles", [1, 2, 4])
 def test_the_heat_includes_the_frames_in_the_first_and_in_the_last_conditioning_cycle(cycles: int) -> None:
     # With a time constant much longer than the run, the heat is the integral of the squared current.
@@ -54,7 +64,9 @@ def test_the_current_before_each_ring_down_warms_the_coil() -> None:
     worst = hottest(protocol([0.0, 0.0]).model_copy(update={"ring_down": rule}), rating)
     assert worst.stage == "ring-down 2 (from 2 A)"
     assert worst.share == pytest.approx(4.0 * 3 * (30.0 + REACHED_WITHIN_S) / 1e7, rel=1e-3)
-    with pytest.raises(InputError, match=r"at ring-down 0 \(from 2 A\)"):
+    with pytest.raises(
+        InputError, match=r"at ring-down 0 \(from 2 A\).*reduce the currents, settle.timeout_s, settle.dwell_s, or"
+    ):
         refuse_overheating(
             protocol([0.0, 0.0]).model_copy(update={"ring_down": RingDown(seconds=20.0, repeats=1, from_A=2.0)}),
             CoilRating(continuous_current_A=1.0, thermal_time_constant_s=60.0),
