@@ -57,10 +57,10 @@ class Interlocks:
     def check_silence(self, now_s: float) -> None:
         """Raise BeyondInterlock if a reading gave no new value for longer than `longest_silence_s`.
 
-        `now_s` is the present time on the clock of the run (s). The time before the first value is not limited.
+        `now_s` is the present time on the clock of the run (s). Without a value, the time counts from the first call.
         """
         for rule in self._rules:
-            silent_s = now_s - self._came_s.get(rule.reading, now_s)
+            silent_s = now_s - self._came_s.setdefault(rule.reading, now_s)
             if silent_s > rule.longest_silence_s:
                 self._open(rule, None, silent_s)
 

@@ -81,6 +81,11 @@ def test_a_missing_reading_ends_the_run_as_a_reading_out_of_bounds_does() -> Non
         interlocks.check_silence(105.1)
     (event,) = events
     assert in_words(event).startswith("interlock coil_voltage_V")
+    interlocks.restart()
+    interlocks.check_silence(200.0)
+    interlocks.check_silence(204.0)
+    with pytest.raises(BeyondInterlock, match=r"no reading for 4\.1 s"):
+        interlocks.check_silence(204.1)
     with pytest.raises(BeyondInterlock, match="the sensor gives no reading"):
         interlocks.refuse_to_begin({})
     with pytest.raises(BeyondInterlock, match="nan measured"):

@@ -14,7 +14,7 @@ from eimi_drivers.emulators.sensors import EmulatedQuantity, SensorFault, emulat
 from eimi_drivers.interfaces import InstrumentError
 from eimi_drivers.sensors import SENSORS
 from eimi_drivers.supplies.transport import InProcessTransport
-from eimi_lab.acquisition.events import Event, InterlockOpened, Warned
+from eimi_lab.acquisition.events import Event, InterlockOpened, OutputSwitched, Warned
 from eimi_lab.acquisition.interlocks import BeyondInterlock
 from eimi_lab.acquisition.sensing import OpenSensor
 from eimi_lab.config.rig import load_rig
@@ -101,6 +101,19 @@ def test_an_interlock_on_a_sensor_ends_the_run(setup: Any, spoil: Callable[[Emul
     assert setup.is_off()
     assert [event.reading for event in events if isinstance(event, InterlockOpened)] == ["beam"]
     assert setup.stored() == [0.0, 0.1]
+
+
+def test_a_sensor_that_never_answers_while_the_output_is_on_ends_the_run(setup: Any) -> None:
+    emulated = Emulated(setup, ROOM, '[[interlocks]]\nreading = "beam"\nmaximum = 40.0\nlongest_silence_s = 4.0')
+
+    def unplug(event: Event) -> None:
+        if isinstance(event, OutputSwitched) and event.on:
+            setup.camera.repeats = True  # without new frames, each state lasts 5 s
+            emulated.line["beam"].inject(Fault.SILENCE)
+
+    with pytest.raises(BeyondInterlock, match=r"interlock beam: no reading for .* longer than longest_silence_s = 4"):
+        setup.run(remark=lambda line: None, on_event=unplug)
+    assert setup.is_off()
 
 
 def test_a_run_does_not_begin_without_the_answer_of_a_sensor(setup: Any) -> None:
