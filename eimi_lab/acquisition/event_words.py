@@ -185,13 +185,14 @@ def _(event: PauseRequested) -> str:
 
 @in_words.register
 def _(event: Paused) -> str:
+    before = f"state {event.state}" if event.state < event.states else "the ring-downs"
     if event.swap_leads:
         return (
-            f"the next states reverse the current: the coil is off, swap its two leads at the supply before state "
-            f"{event.state}; {CONTINUE_PAUSED}"
+            f"the next states reverse the current: the coil is off, swap its two leads at the supply before {before}; "
+            f"{CONTINUE_PAUSED}"
         )
     return (
-        f"paused before state {event.state}: the coil is off, and {event.state} of {event.states} states are in "
+        f"paused before {before}: the coil is off, and {event.state} of {event.states} states are in "
         f"{event.dataset}; {CONTINUE_PAUSED}"
     )
 
@@ -290,9 +291,17 @@ def _(event: EmulatedSupplyGone) -> str:
 def _(event: RunEnded) -> str:
     if not event.stored:
         return "no state was stored, so there is no file"
+    if event.stored == event.states and event.missing_ring_downs:
+        missing = missing_in_words(event.missing_ring_downs)
+        return f"all {event.states} states are in {event.dataset}; {missing}; {CONTINUE_ENDED}"
     if event.stored == event.states:
         return f"all {event.states} states are in {event.dataset}"
     return f"{event.stored} of {event.states} states are in {event.dataset}; {CONTINUE_ENDED}"
+
+
+def missing_in_words(ring_downs: int) -> str:
+    """Return a sentence about the number of ring-downs (free vibrations) that a dataset does not contain yet."""
+    return "1 ring-down is missing" if ring_downs == 1 else f"{ring_downs} ring-downs are missing"
 
 
 def left_behind(off: OffConfirmed | None, ended: RunEnded) -> str:

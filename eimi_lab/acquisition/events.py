@@ -175,7 +175,8 @@ class PauseRequested(Event):
 class Paused(Event):
     """The run waits for a person, with the coil off, before it measures the state (load step) with number `state`.
 
-    `swap_leads` is true if the person has to swap the leads of the coil before the run continues.
+    Before the ring-downs, `state` equals `states`. `swap_leads` is true if the person has to swap the leads of the coil
+    before the run continues.
     """
 
     event: ClassVar[str] = "paused"
@@ -393,7 +394,8 @@ class RunEnded(Event):
 
     `status` is "completed", "stopped" (by a signal) or "failed" (by an error). `reason` is the name of the signal or
     the type of the error; empty if `status` is "completed". `stored` is the number of states (load
-    steps) in the dataset, out of `states`; null if the run failed before the first state.
+    steps) in the dataset, out of `states`; null if the run failed before the first state. `missing_ring_downs` is the
+    number of ring-downs in the protocol that the dataset does not contain yet.
     """
 
     event: ClassVar[str] = "run_ended"
@@ -402,6 +404,7 @@ class RunEnded(Event):
     stored: int | None
     states: int
     dataset: str
+    missing_ring_downs: int = 0
 
 
 EVENTS: dict[str, type[Event]] = {kind.event: kind for kind in Event.__subclasses__()}

@@ -53,7 +53,7 @@ class Polarity:
         run : Stepping
             The run.
         state : int
-            Number of the next state.
+            Number of the next state; the number of all states if the ring-downs are next.
         stop_if_asked : callable
             Called between the operations; raises an exception if the run has to stop.
 
@@ -73,7 +73,8 @@ class Polarity:
         StorageFailed
             If the dataset cannot be written.
         """
-        current_A = run.protocol.currents_A[state]
+        currents_A = run.protocol.currents_A
+        current_A = currents_A[state] if state < len(currents_A) else run.protocol.ring_down_from_A
         if self._pauses is None or current_A == 0 or (current_A < 0) == run.coil.leads_swapped:
             return False
         if self._relay is None:

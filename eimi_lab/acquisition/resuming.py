@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from eimi_lab.acquisition.event_words import missing_in_words
 from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.toml import differences, parse
 from eimi_lab.dataset.layout import Header, identity_text
@@ -26,10 +27,23 @@ BEGIN_ANEW = "leave out --resume to begin a run"
 
 @dataclass(frozen=True)
 class UnfinishedRun:
-    """A run that ended early: the number of stored states (load steps), and the time (s) since the run began."""
+    """A run that ended early: the number of stored states (load steps), and the time (s) since the run began.
+
+    `ring_downs` is the number of stored ring-downs (free vibrations); None if the dataset has no place for them.
+    """
 
     states: int
     elapsed_s: float
+    ring_downs: int | None = 0
+
+
+def missing_ring_downs(protocol: Protocol, stored: int | None) -> int:
+    """Return the number of ring-downs (free vibrations) in a protocol that a dataset does not contain yet.
+
+    `stored` is the number of ring-downs in the dataset. If it is None, the dataset has no place for ring-downs, and the
+    result is zero.
+    """
+    return 0 if stored is None or protocol.ring_down is None else protocol.ring_down.repeats - stored
 
 
 def refuse_taken(path: Path, force: bool) -> None:
@@ -47,12 +61,19 @@ def refuse_taken(path: Path, force: bool) -> None:
 
 
 def _describe_unfinished(path: Path) -> str:
-    """Return a text with the number of states (load steps) that an unfinished run stored; empty for any other file."""
+    """Return a text with the number of states (load steps) that an unfinished run stored; empty for any other file.
+
+    If all states are stored, the text contains the number of ring-downs (free vibrations) that are missing.
+    """
     with suppress(InputError), open_dataset(path) as dataset:
         text = dataset.text("protocol")
         if dataset.kind == "frames" and dataset.resumable and text is not None:
-            stored, asked = len(dataset.states), len(parse(Protocol, text, str(path)).currents_A)
-            return f"holds {stored} of the {asked} states of a run that ended early" if stored < asked else ""
+            protocol = parse(Protocol, text, str(path))
+            stored, asked = len(dataset.states), len(protocol.currents_A)
+            if stored < asked:
+                return f"holds {stored} of the {asked} states of a run that ended early"
+            if missing := missing_ring_downs(protocol, dataset.stored_ring_downs):
+                return f"holds all {asked} states of a run that ended early; {missing_in_words(missing)}"
     return ""
 
 
@@ -71,7 +92,7 @@ def take_up(path: Path, header: Header, image: NDArray[Any]) -> UnfinishedRun:
     Returns
     -------
     UnfinishedRun
-        The number of stored states (load steps), and the time (s) since the run began.
+        The numbers of stored states (load steps) and ring-downs, and the time (s) since the run began.
 
     Raises
     ------
@@ -86,7 +107,7 @@ def take_up(path: Path, header: Header, image: NDArray[Any]) -> UnfinishedRun:
         difference = _difference(dataset, header) or _other_frames(dataset, image)
         if difference:
             raise InputError(f"{path}: cannot be resumed: {difference}")
-        begun = UnfinishedRun(len(dataset.states), _elapsed_s(dataset))
+        begun = UnfinishedRun(len(dataset.states), _elapsed_s(dataset), dataset.stored_ring_downs)
         crashed = not dataset.finished
     if crashed:
         recover(path, path, force=True)

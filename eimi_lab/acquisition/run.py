@@ -37,7 +37,7 @@ from eimi_lab.acquisition.output_off import begin_with_output_off
 from eimi_lab.acquisition.pausing import Pauses, no_input
 from eimi_lab.acquisition.playback import NOISE_FRAMES
 from eimi_lab.acquisition.polarity import Polarity, cannot_reverse, swaps_leads
-from eimi_lab.acquisition.resuming import UnfinishedRun, refuse_taken, take_up
+from eimi_lab.acquisition.resuming import UnfinishedRun, missing_ring_downs, refuse_taken, take_up
 from eimi_lab.acquisition.ring_downs import record_ring_downs
 from eimi_lab.acquisition.sensing import Sensing
 from eimi_lab.acquisition.settling import GRAB_TIMEOUT_S
@@ -176,7 +176,7 @@ def acquire(
         )
     if not resume:
         refuse_taken(path, force)
-    ending = _Ending(path, len(protocol.currents_A))
+    ending = _Ending(path, protocol)
     with _with_first_and_last_event(_run_begun(protocol, specimen, rig, bench, path, resume), ending, on_event) as send:
         supply, camera, clock = bench.supply, WatchedCamera(bench.camera, show, bench.cue), bench.clock
 
@@ -218,7 +218,7 @@ def acquire(
         begun = take_up(path, header, at_rest[0].image) if resume else UnfinishedRun(0, 0.0)
         for state, current_A in enumerate(protocol.currents_A[: begun.states]):
             send(StateStoredBefore(state=state, current_A=current_A))
-        if begun.states == len(protocol.currents_A):
+        if begun.states == len(protocol.currents_A) and not missing_ring_downs(protocol, begun.ring_downs):
             ending.stored = begun.states
             return path
 
@@ -261,14 +261,21 @@ class _Ending:
     # `path` and `stored` are used only if `writer`, the open dataset, is None.
 
     path: Path
-    states: int
+    protocol: Protocol
     stored: int | None = None
     writer: DatasetWriter | None = None
     off: OffConfirmed | None = None
 
     def event(self, status: Literal["completed", "stopped", "failed"], reason: str = "") -> RunEnded:
         path, stored = (self.writer.path, self.writer.stored) if self.writer else (self.path, self.stored)
-        return RunEnded(status=status, reason=reason, stored=stored, states=self.states, dataset=str(path))
+        return RunEnded(
+            status=status,
+            reason=reason,
+            stored=stored,
+            states=len(self.protocol.currents_A),
+            dataset=str(path),
+            missing_ring_downs=missing_ring_downs(self.protocol, self.writer.ring_downs) if self.writer else 0,
+        )
 
 
 def _run_begun(

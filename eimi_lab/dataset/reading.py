@@ -28,7 +28,7 @@ from eimi_lab.dataset.points import TrackedPoints, read_points
 from eimi_lab.dataset.recorded_frames import RecordedFrames, creep_frames, recorded_ring_downs
 from eimi_lab.dataset.recordings import CONDITIONING, TRANSIENTS, Recording, read_recording
 from eimi_lab.dataset.sensor_logs import read_sensor_logs
-from eimi_lab.dataset.steps import RingDownStep, SetPoint, read_set_points
+from eimi_lab.dataset.steps import RingDownStep, SetPoint, count_steps, read_set_points
 from eimi_lab.dataset.stored_edges import read_edges, read_projection
 from eimi_lab.dataset.stored_frames import damaged_frames, each_image_of_state, images_of_state
 from eimi_lab.dataset.stored_states import mean_by_state, read_states
@@ -204,6 +204,12 @@ class Dataset:
         """
         with self._naming_damage():
             return recorded_ring_downs(self._entry, len(self.states))
+
+    @property
+    def stored_ring_downs(self) -> int | None:
+        """The number of recorded free oscillations; None if the file has no table for them."""
+        with self._naming_damage():
+            return count_steps(self._entry)
 
     def camera_setting(self, name: str) -> float | None:
         """Return a setting of the camera during the run, such as "exposure_s"; None if the setting was not stored."""

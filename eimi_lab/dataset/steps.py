@@ -120,6 +120,11 @@ def read_steps(entry: h5py.Group) -> tuple[RingDownStep, ...]:
     return tuple(RingDownStep(*(kind(value) for kind, value in zip(of_field, row, strict=True))) for row in rows)
 
 
+def count_steps(entry: h5py.Group) -> int | None:
+    """Return the number of recorded free oscillations; None if the dataset has no table for them."""
+    return len(read_steps(entry)) if RING_DOWN_STEPS in entry else None
+
+
 def _rows(entry: h5py.Group, name: str, names: list[str]) -> np.ndarray:
     if name not in entry:
         return np.zeros((0, len(names)))

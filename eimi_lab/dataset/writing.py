@@ -177,6 +177,7 @@ class DatasetWriter:
         self._recordings = {name: dict(entry[name]) for name in BELONGS_TO if name in entry}
         self._set_points, self._steps = (dict(entry.get(name, {})) for name in (SET_POINTS, RING_DOWN_STEPS))
         self._stored = len(self._states["index"])
+        self._ring_downs = len(self._steps["ring_down"]) if self._steps else None
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
@@ -342,7 +343,7 @@ class DatasetWriter:
     @property
     def ring_downs(self) -> int | None:
         """The number of stored free oscillations; None if the file has no table for them."""
-        return len(self._steps["ring_down"]) if self._steps else None
+        return self._ring_downs
 
     @contextmanager
     def ring_down(self) -> Iterator[FrameStream]:
@@ -373,6 +374,8 @@ class DatasetWriter:
             append_times(RING_DOWN, self._recordings[RING_DOWN], [step.ring_down] * len(moments), moments)
             append_step(self._steps, step)
             self._synchronise()
+        if self._ring_downs is not None:
+            self._ring_downs += 1
         if self._stored:
             self._keep_the_name()
 

@@ -49,7 +49,7 @@ class Opened:
             sensors=("hall",),
             guardian=self.guardian, interruption=self.interruption, truth=truth, camera_settings="settings", relay=None,
         )  # fmt: skip
-        self.protocol: Any = SimpleNamespace(name="p", currents_A=(0.1, 0.2, 0.3), ramp="ramp")
+        self.protocol: Any = SimpleNamespace(name="p", currents_A=(0.1, 0.2, 0.3), ramp="ramp", ring_down=None)
         self.specimen: Any = SimpleNamespace(specimen=SimpleNamespace(name="s"))
         limits = [SimpleNamespace(reading=name) for name in bounds]
         driver = SimpleNamespace(driver="korad")
@@ -59,7 +59,7 @@ class Opened:
         self.sensing = Noted(calls, "sensing", begin=lambda: (("hall C",), ("log",)), values=lambda: {"hall": 7.0})
         self.begun = UnfinishedRun(0, 0.0)
         self.swaps = False
-        self.writer = SimpleNamespace(path=Path("moved.h5"), stored=3)
+        self.writer = SimpleNamespace(path=Path("moved.h5"), stored=3, ring_downs=None)
         self.stepped: Any = None
         monkeypatch.setattr(run, "check_request", noted(calls, "check"))
         monkeypatch.setattr(run, "swaps_leads", lambda *given: self.swaps)
@@ -170,7 +170,7 @@ def test_a_run_opens_its_parts_in_order_and_hands_them_on(monkeypatch: pytest.Mo
     assert bench.all("polarity") == [(None, None)]
     first_state, interruption, pauses, polarity, ending = bench.stepped[1:]
     assert (first_state, interruption, pauses, polarity) == (0, bench.interruption, "the pauses", "a polarity")
-    assert (ending.writer, ending.states, ending.path) == (bench.writer, 3, PATH)
+    assert (ending.writer, ending.protocol, ending.path) == (bench.writer, bench.protocol, PATH)
     bench.calls.clear()
     beat()
     warn("too warm")

@@ -85,6 +85,11 @@ SWAP = "swap its two leads at the supply before state 1; Enter continues the run
             Paused(state=1, states=2, dataset="run.h5", swap_leads=True),
             f"the next states reverse the current: the coil is off, {SWAP}",
         ),
+        (
+            Paused(state=2, states=2, dataset="run.h5"),
+            "paused before the ring-downs: the coil is off, and 2 of 2 states are in run.h5; Enter continues the run, "
+            "Ctrl-C ends it",
+        ),
         (Resumed(state=1), "the run continues; the current first passes through the set-points of the previous states"),
         (StopRequested(signal="SIGINT"), "the run was asked to stop by SIGINT"),
         (SuspendRefused(), "Ctrl-Z is refused, because the coil would stay on; Ctrl-C ends the run with the coil off"),
@@ -167,6 +172,10 @@ SWAP = "swap its two leads at the supply before state 1; Enter continues the run
         ),
         (ENDED, "1 of 2 states are in run.h5; the same command with --resume continues the run"),
         (replace(ENDED, stored=2), "all 2 states are in run.h5"),
+        (
+            replace(ENDED, stored=2, missing_ring_downs=2),
+            "all 2 states are in run.h5; 2 ring-downs are missing; the same command with --resume continues the run",
+        ),
         (replace(ENDED, stored=0), "no state was stored, so there is no file"),
         (replace(ENDED, stored=None), "no state was stored, so there is no file"),
     ],

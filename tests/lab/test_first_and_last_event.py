@@ -13,8 +13,10 @@ from eimi_drivers.interfaces import InstrumentError
 from eimi_lab.acquisition import run as module
 from eimi_lab.acquisition.events import Event, Fault, OffConfirmed, OutputSwitched, RunBegun, RunEnded, Warned
 from eimi_lab.acquisition.run import _Ending, _run_begun, _with_first_and_last_event
+from eimi_lab.config.protocol import RingDown
 from eimi_lab.process.stopping import Stopped
 
+PROTOCOL: Any = SimpleNamespace(currents_A=(0.0,) * 6, ring_down=RingDown(seconds=1.0, repeats=3))
 BEGUN: Any = Warned(message="the run begins")
 
 
@@ -31,7 +33,7 @@ def test_the_last_event_states_how_the_run_ended_and_every_event_is_logged(
     caplog: pytest.LogCaptureFixture, error: BaseException | None, status: str, reason: str, fault: Event | None
 ) -> None:
     sent: list[Event] = []
-    ending = _Ending(Path("run.h5"), 6, stored=2)
+    ending = _Ending(Path("run.h5"), PROTOCOL, stored=2)
     between = OutputSwitched(on=True)
 
     def run() -> None:
@@ -54,16 +56,18 @@ def test_the_last_event_states_how_the_run_ended_and_every_event_is_logged(
 
 
 def test_the_last_event_has_the_path_and_the_states_of_the_writer_once_there_is_one() -> None:
-    ending = _Ending(Path("run.h5"), 6)
+    ending = _Ending(Path("run.h5"), PROTOCOL)
     assert ending.event("failed", "why") == RunEnded(
         status="failed", reason="why", stored=None, states=6, dataset="run.h5"
     )
-    ending.writer = SimpleNamespace(path=Path("copy.h5"), stored=4)  # type: ignore[assignment]
-    assert ending.event("completed") == RunEnded(status="completed", reason="", stored=4, states=6, dataset="copy.h5")
+    ending.writer = SimpleNamespace(path=Path("copy.h5"), stored=4, ring_downs=1)  # type: ignore[assignment]
+    assert ending.event("completed") == RunEnded(
+        status="completed", reason="", stored=4, states=6, dataset="copy.h5", missing_ring_downs=2
+    )
 
 
 def test_the_event_that_confirmed_the_coil_off_is_kept() -> None:
-    ending = _Ending(Path("run.h5"), 6)
+    ending = _Ending(Path("run.h5"), PROTOCOL)
     off = OffConfirmed(by="run", determined_by="commanded")
     with _with_first_and_last_event(BEGUN, ending, lambda event: None) as send:
         send(OutputSwitched(on=False))

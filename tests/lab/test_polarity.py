@@ -28,6 +28,8 @@ from eimi_lab.dataset.segmentation import segment
 from eimi_lab.fits.evidence import load_evidence
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.progress import silent
+from eimi_lab.process.stopping import Stopped
+from tests.lab.test_resuming import ring_downs_from, stop_after_a_ring_down
 
 BOTH = (0.0, 0.1, 0.2, 0.3, -0.1, -0.2, -0.3)
 
@@ -137,6 +139,19 @@ def test_a_resumed_run_asks_for_the_leads_first_and_passes_through_the_states_of
     assert [event.state for event in events if isinstance(event, Paused)] == [6]
     assert bench.stored() == list(BOTH)
     assert [value for value in set_A if value][:3] == [0.1, 0.2, 0.3]
+
+
+def test_the_leads_are_swapped_before_the_missing_ring_downs_of_a_resumed_run(bench: Any) -> None:
+    text = f"ring_down = {{ seconds = 0.1, repeats = 2 }}\n{bench.protocol.text}"
+    bench.protocol = parse(Protocol, text, "protocol")
+    with pytest.raises(Stopped):
+        bench.run(on_event=stop_after_a_ring_down, remark=lambda words: None, typed=person(bench, []))
+    events: list[Event] = []
+    bench.run(on_event=events.append, remark=lambda words: None, typed=person(bench, []), resume=True)
+    (pause,) = [event for event in events if isinstance(event, Paused)]
+    assert (pause.state, pause.states, pause.swap_leads) == (7, 7, True)
+    assert "swap its two leads at the supply before the ring-downs" in in_words(pause)
+    assert ring_downs_from(bench.path) == [-0.3, -0.3]
 
 
 def test_a_run_without_a_terminal_is_refused_before_anything_is_switched_on(bench: Any) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,12 +12,14 @@ import numpy as np
 import pytest
 
 from eimi_drivers.interfaces import Identity, InstrumentDisconnected
+from eimi_lab.acquisition.events import Event, RingDownStored, RunEnded
 from eimi_lab.acquisition.resuming import refuse_taken
 from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.config.toml import parse
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.process.errors import InputError
+from eimi_lab.process.stopping import Stopped
 
 
 def interrupt(setup: Any, after_A: float) -> list[str]:
@@ -128,3 +131,39 @@ def test_an_existing_file_is_replaced_only_on_request(tmp_path: Path, content: s
     refuse_taken(path, force=True)
     with pytest.raises(InputError, match="--force"):
         refuse_taken(path, force=False)
+
+
+def stop_after_a_ring_down(event: Event) -> None:
+    if isinstance(event, RingDownStored):
+        signal.raise_signal(signal.SIGINT)
+
+
+def ring_downs_from(path: Path) -> list[float]:
+    with open_dataset(path) as dataset:
+        return [step.from_A for step, _ in dataset.recorded_ring_downs()]
+
+
+def test_a_run_that_ended_between_its_ring_downs_is_resumed_at_the_next_ring_down(setup: Any) -> None:
+    setup.protocol = parse(Protocol, f"ring_down = {{ seconds = 0.1, repeats = 3 }}\n{setup.protocol.text}", "p")
+    with pytest.raises(Stopped) as stopped:
+        setup.run(on_event=stop_after_a_ring_down)
+    assert str(stopped.value).endswith(
+        f"all 4 states are in {setup.path}; 2 ring-downs are missing; the same command with --resume continues the run"
+    )
+    assert ring_downs_from(setup.path) == [0.3]
+    with pytest.raises(InputError, match=r"all 4 states of a run that ended early; 2 ring-downs are missing; --resume"):
+        setup.run()
+    events: list[Event] = []
+    set_A: list[float] = []
+    take = setup.coil.set_current
+    setup.coil.set_current = lambda current_A: set_A.append(current_A) or take(current_A)  # type: ignore[method-assign]
+    setup.run(resume=True, on_event=events.append)
+    assert [value for value in set_A if value][:3] == [0.1, 0.2, 0.3]
+    assert ring_downs_from(setup.path) == [0.3, 0.3, 0.3]
+    assert setup.stored() == [0.0, 0.1, 0.2, 0.3]
+    assert setup.is_off()
+    (ended,) = [event for event in events if isinstance(event, RunEnded)]
+    assert (ended.status, ended.stored, ended.missing_ring_downs) == ("completed", 4, 0)
+    set_A.clear()
+    setup.run(resume=True)  # nothing is left to do
+    assert set_A == [0.0]

@@ -745,7 +745,7 @@ def test_a_stopped_run_says_what_it_leaves_behind(monkeypatch: pytest.MonkeyPatc
         report_lost_frames=noted(calls, "lost"), go_back_to=noted(calls, "back"),
     )  # fmt: skip
     made.on_event = lambda event: None
-    ending = run._Ending(Path("run.h5"), 4, 3, None, "off")  # type: ignore[arg-type]
+    ending = run._Ending(Path("run.h5"), SimpleNamespace(currents_A=(0.1,) * 4), 3, None, "off")  # type: ignore[arg-type]
     polarity: Any = Noted(calls, "polarity")
     with pytest.raises(Stopped) as caught:
         run._step_through(made, 0, "interruption", Noted(calls, "pauses"), polarity, ending)  # type: ignore[arg-type]

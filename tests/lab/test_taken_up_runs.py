@@ -12,7 +12,7 @@ import pytest
 
 from eimi_lab.acquisition import resuming
 from eimi_lab.acquisition.resuming import UnfinishedRun
-from eimi_lab.config.protocol import Protocol
+from eimi_lab.config.protocol import Protocol, RingDown
 from eimi_lab.process.errors import InputError
 from tests.shared.noted import noted
 
@@ -21,7 +21,7 @@ class Stored:
     # A dataset of a run: its protocol has four states, of which some are stored.
 
     def __init__(self, **changes: Any) -> None:
-        frames = {"kind": "frames", "resumable": True, "finished": True, "states": [1, 2, 3]}
+        frames = {"kind": "frames", "resumable": True, "finished": True, "states": [1, 2, 3], "stored_ring_downs": 0}
         vars(self).update(frames | changes)
 
     def __enter__(self) -> Any:
@@ -44,7 +44,16 @@ class Stored:
     ("changes", "words"),
     [
         ({}, "holds 3 of the 4 states of a run that ended early"),
-        ({"states": [1, 2, 3, 4]}, ""),
+        (
+            {"states": [1, 2, 3, 4]},
+            "holds all 4 states of a run that ended early; 3 ring-downs are missing",
+        ),
+        (
+            {"states": [1, 2, 3, 4], "stored_ring_downs": 2},
+            "holds all 4 states of a run that ended early; 1 ring-down is missing",
+        ),
+        ({"states": [1, 2, 3, 4], "stored_ring_downs": 3}, ""),
+        ({"states": [1, 2, 3, 4], "stored_ring_downs": None}, ""),
         ({"kind": "points"}, ""),
         ({"resumable": False}, ""),
         ({"text": lambda name: None}, ""),
@@ -55,7 +64,7 @@ def test_a_run_that_can_be_resumed_is_not_replaced(
 ) -> None:
     path = tmp_path / "run.h5"
     calls: list[Any] = []
-    protocol = SimpleNamespace(currents_A=(0.1, 0.2, 0.3, 0.4))
+    protocol = SimpleNamespace(currents_A=(0.1, 0.2, 0.3, 0.4), ring_down=RingDown(seconds=1.0, repeats=3))
     monkeypatch.setattr(resuming, "open_dataset", lambda given: Stored(**changes))
     monkeypatch.setattr(resuming, "parse", noted(calls, "parse", protocol))
     monkeypatch.setattr(resuming, "refuse_existing", noted(calls, "existing"))
