@@ -1,4 +1,4 @@
-"""Pause a run between two states (load steps), with the coil off, when a person types `p` and Enter."""
+"""Pause a run between two states or before its ring-downs, with the coil off, when a person types `p` and Enter."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Pauses:
         run : Stepping
             The run.
         state : int
-            Number of the next state (load step).
+            Number of the next state (load step); the number of all states if the ring-downs are next.
         stop_if_asked : callable
             Called repeatedly; raises an exception if the run has to stop.
         swap_leads : bool
@@ -78,8 +78,8 @@ class Pauses:
             If the dataset cannot be written.
         """
         ramp_down_and_switch_off(run.coil, run.guardian, stop_if_asked, self._on_event)
-        if swap_leads:
-            self._typed()
+        while self._typed() is not None:  # a line that was typed before the pause does not end it
+            pass
         states, dataset = len(run.protocol.currents_A), str(run.writer.path)
         self._on_event(Paused(state=state, states=states, dataset=dataset, swap_leads=swap_leads))
         while self._typed() is None:

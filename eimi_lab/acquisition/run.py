@@ -344,8 +344,11 @@ def _step_through(
                 if pauses.asked:
                     pauses.wait(run, state, stop_if_asked)
                 polarity.prepare(run, state, stop_if_asked)
-                run.take(state, pauses.heeded_by(stop_if_asked))
+                is_last = state == states - 1 and not protocol.ring_down
+                run.take(state, stop_if_asked if is_last else pauses.heeded_by(stop_if_asked))
             if protocol.ring_down:
+                if pauses.asked:
+                    pauses.wait(run, states, stop_if_asked)
                 record_ring_downs(run, protocol.ring_down, unfinished, stop_if_asked)
     except Stopped as stopped:
         raise Stopped(stopped.number, left_behind(ending.off, ending.event("stopped"))) from stopped

@@ -45,7 +45,8 @@ def typed_line() -> str | None:
         # reading in the background of a terminal would stop the program
         if os.tcgetpgrp(terminal) != os.getpgrp() or not select.select([terminal], [], [], 0)[0]:
             return None
-        return os.read(terminal, 1024).decode("utf-8", "replace").strip()
+        typed = os.read(terminal, 1024)  # empty after Ctrl-D
+        return typed.decode("utf-8", "replace").strip() if typed else None
     except (OSError, ValueError, AttributeError):  # there is no terminal, or the terminal is closed
         return None
 

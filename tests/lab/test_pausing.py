@@ -10,6 +10,7 @@ import sys
 import termios
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import h5py
@@ -20,12 +21,23 @@ from eimi_drivers.clock import WallClock
 from eimi_drivers.emulators.serve import emulate, serve_tcp
 from eimi_drivers.emulators.supply import CoilSupply
 from eimi_drivers.interfaces import InstrumentDisconnected
+from eimi_lab.acquisition.events import (
+    Event,
+    OutputSwitched,
+    Paused,
+    PauseRequested,
+    RingDownStored,
+    StateStored,
+)
 from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.toml import parse
 from eimi_lab.dataset.reading import open_dataset
+from eimi_lab.process import console
 from eimi_lab.process.stopping import Stopped
 from eimi_lab.process.writer_lock import only_writer
 from tests.patience import PATIENCE_S
+from tests.shared.changed_module import changed_module
+from tests.shared.processes import wait_until
 
 SWEEP = "start_A = 0.0\nstop_A = 0.3\nstep_A = 0.1"
 
@@ -85,13 +97,82 @@ def test_a_paused_run_returns_through_every_earlier_state(setup: Any) -> None:
             return "p" if setup.coil.state.set_current_A == 0.1 and len(setup.live) > 2 and not looks else None
         looks.append(True)
         since_pause.clear()
-        return ""
+        return "" if len(looks) == 2 else None
 
     setup.live = []
     setup.run(typed=typed, remark=lambda words: None, show=lambda live: setup.live.append(live) if live.state else None)
-    assert looks == [True]
+    assert looks == [True] * 2
     assert [value for value in since_pause if value][:6] == pytest.approx([0.1, 0.2, 0.3, 0.2, 0.1, 0.2])
     assert setup.stored() == [0.0, 0.3, 0.1, 0.2]
+
+
+class Keyboard:
+    # A keyboard on which a user types lines at the events of a run, and ends each pause with the third look.
+
+    def __init__(self, lines: Callable[[Event], list[str]]) -> None:
+        self.lines, self.waiting, self.looks = lines, list[str](), 0
+        self.waiting_in_pause: list[int] = []
+        self.events: list[Event] = []
+
+    def hear(self, event: Event) -> None:
+        self.events.append(event)
+        self.waiting.extend(self.lines(event))
+        if isinstance(event, Paused):
+            self.waiting_in_pause.append(len(self.waiting))
+
+    def typed(self) -> str | None:
+        if self.waiting:
+            return self.waiting.pop()
+        if not self.waiting_in_pause:
+            return None
+        self.looks += 1
+        return "" if self.looks % 3 == 0 else None
+
+
+def test_lines_that_were_typed_while_the_coil_was_switched_off_do_not_end_a_pause(setup: Any) -> None:
+    def lines(event: Event) -> list[str]:
+        if isinstance(event, OutputSwitched) and not event.on and not keyboard.waiting_in_pause:
+            return ["", "p", ""]
+        return ["p"] if isinstance(event, StateStored) and event.state == 0 else []
+
+    keyboard = Keyboard(lines)
+    setup.run(typed=keyboard.typed, on_event=keyboard.hear, remark=lambda words: None)
+    assert keyboard.waiting_in_pause == [0]
+    assert keyboard.looks >= 3
+    assert setup.stored() == [0.0, 0.1, 0.2, 0.3]
+
+
+@pytest.mark.parametrize("ring_down", [True, False])
+def test_a_pause_in_the_last_state_is_announced_only_before_ring_downs(setup: Any, ring_down: bool) -> None:
+    if ring_down:
+        setup.protocol = parse(Protocol, f"ring_down = {{ seconds = 0.1 }}\n{setup.protocol.text}", "p")
+    keyboard = Keyboard(lambda event: ["p"] if isinstance(event, StateStored) and event.state == 2 else [])
+    setup.run(typed=keyboard.typed, on_event=keyboard.hear, remark=lambda words: None)
+    told = [type(event) for event in keyboard.events if isinstance(event, PauseRequested | Paused | RingDownStored)]
+    assert told == [PauseRequested, Paused, RingDownStored] * ring_down
+    if ring_down:
+        with open_dataset(setup.path) as dataset:
+            ((step, _),) = dataset.recorded_ring_downs()
+        assert step.from_A == 0.3
+
+
+def test_ctrl_d_on_a_terminal_is_no_typed_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    keys, terminal = os.openpty()
+    in_front = changed_module(os, tcgetpgrp=lambda descriptor: os.getpgrp())
+    monkeypatch.setattr(console, "os", in_front)
+    monkeypatch.setattr(console, "sys", changed_module(sys, stdin=SimpleNamespace(fileno=lambda: terminal)))
+    os.write(keys, b"\x04\nyes\n")
+    typed: list[str] = []
+
+    def both_lines() -> bool:
+        line = console.typed_line()
+        typed.extend([] if line is None else [line])
+        return len(typed) == 2
+
+    wait_until(both_lines, "both lines should be read")
+    for end in (keys, terminal):
+        os.close(end)
+    assert typed == ["", "yes"]
 
 
 def test_a_pause_can_be_ended_by_ctrl_c(setup: Any) -> None:

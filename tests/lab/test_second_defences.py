@@ -393,8 +393,10 @@ def test_the_guardian_is_armed_when_a_pause_ends(setup: Any) -> None:
         if setup.coil.state.output:
             return next(typed)
         setup.coil.set_voltage(3.0)  # a person changes the current at the front panel
-        return ""
+        looks.append(True)
+        return "" if len(looks) % 2 == 0 else None
 
+    looks: list[bool] = []
     setup.run(typed=types, remark=lambda words: None)
     output = [word for word in did if word in ("arm", "on", "disarm")]
     assert output == ["arm", "on", "disarm", "arm", "on", "disarm"]
