@@ -79,7 +79,8 @@ def check_request(protocol: Protocol, specimen: SpecimenFile, rig: Rig) -> None:
                 f"protocol {protocol.name}: {key} goes to {current_A:g} A; "
                 f"rig {rig.name} allows supply.limits.current_A = {limit:g}"
             )
-        if current_A < 0 and one_way and not (protocol.current.both_polarities and key.startswith("current.")):
+        in_swapped_coil = protocol.current.both_polarities and key != "conditioning.current_A"
+        if current_A < 0 and one_way and not in_swapped_coil:
             at = f" at state {protocol.currents_A.index(current_A)}" if key.startswith("current.") else ""
             raise InputError(
                 f"protocol {protocol.name}: {key} goes to {current_A:g} A{at}, but supply.driver = "
@@ -87,6 +88,8 @@ def check_request(protocol: Protocol, specimen: SpecimenFile, rig: Rig) -> None:
                 "or a bipolar supply such as kepco-bop, or add both_polarities = true to [current] of the protocol to "
                 "swap the leads of the coil during the run"
             )
+    if protocol.ring_down:
+        _check_ring_down(protocol, one_way)
     for sensor in rig.sensors:
         strict_A = rig.supply.limits.stricter(protocol.limits).current_A
         if sensor.at_rest_A is not None and sensor.at_rest_A > strict_A:
@@ -108,6 +111,24 @@ def check_request(protocol: Protocol, specimen: SpecimenFile, rig: Rig) -> None:
         )
     if rig.coil:
         refuse_overheating(protocol, rig.coil)
+
+
+def _check_ring_down(protocol: Protocol, one_way: bool) -> None:
+    """Raise InputError for a ring-down from zero current, or from a current that the coil cannot have after the states.
+
+    `one_way` is true if the supply cannot reverse its current.
+    """
+    from_A = protocol.ring_down_from_A
+    if from_A == 0:
+        raise InputError(
+            f"protocol {protocol.name}: ring_down: the last current of the run is 0 A, from which the beam does not "
+            "move; give ring_down.from_A, the current before the step to zero"
+        )
+    if from_A > 0 and one_way and protocol.current.both_polarities:
+        raise InputError(
+            f"protocol {protocol.name}: ring_down.from_A = {from_A:g} should be negative, because the leads of the "
+            f"coil are swapped after the last state; use {-from_A:g}, or leave the key out"
+        )
 
 
 def acquire(

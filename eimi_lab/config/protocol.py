@@ -176,7 +176,7 @@ class RingDown(Table):
     seconds: float = Field(gt=0, le=600)
     """Duration of each recording."""
     from_A: float | None = None
-    """Current before the step to zero; by default the last current of the run."""
+    """Current before the step to zero; by default the last current of the run. Give a current if the last one is 0."""
     rate_Hz: float | None = Field(default=None, gt=0)
     """Frames per second that the camera should reach. If the rig file has no camera.frame_rate_Hz, the camera is set to
     this rate.

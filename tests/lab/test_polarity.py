@@ -142,7 +142,7 @@ def test_a_resumed_run_asks_for_the_leads_first_and_passes_through_the_states_of
 
 
 def test_the_leads_are_swapped_before_the_missing_ring_downs_of_a_resumed_run(bench: Any) -> None:
-    text = f"ring_down = {{ seconds = 0.1, repeats = 2 }}\n{bench.protocol.text}"
+    text = f"ring_down = {{ seconds = 0.1, repeats = 2, from_A = -0.2 }}\n{bench.protocol.text}"
     bench.protocol = parse(Protocol, text, "protocol")
     with pytest.raises(Stopped):
         bench.run(on_event=stop_after_a_ring_down, remark=lambda words: None, typed=person(bench, []))
@@ -151,7 +151,7 @@ def test_the_leads_are_swapped_before_the_missing_ring_downs_of_a_resumed_run(be
     (pause,) = [event for event in events if isinstance(event, Paused)]
     assert (pause.state, pause.states, pause.swap_leads) == (7, 7, True)
     assert "swap its two leads at the supply before the ring-downs" in in_words(pause)
-    assert ring_downs_from(bench.path) == [-0.3, -0.3]
+    assert ring_downs_from(bench.path) == [-0.2, -0.2]
 
 
 def test_a_run_without_a_terminal_is_refused_before_anything_is_switched_on(bench: Any) -> None:

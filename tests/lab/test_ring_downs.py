@@ -17,6 +17,7 @@ from eimi_drivers.interfaces import Frame, InstrumentError
 from eimi_lab.acquisition import ring_downs as ring_downs_module
 from eimi_lab.acquisition.coil import Coil
 from eimi_lab.acquisition.events import Event, RingDownStored
+from eimi_lab.acquisition.run import check_request
 from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.toml import parse
 from eimi_lab.dataset.frame_stream import FrameStream
@@ -180,6 +181,42 @@ def test_a_release_in_a_file_of_an_earlier_version_is_read_as_a_ring_down(setup:
 def test_a_protocol_with_an_impossible_recording_is_refused(setup: Any, lines: str, stored: str) -> None:
     with pytest.raises((InputError, ValidationError), match=stored):
         add_to_protocol(setup, lines)
+
+
+UP = "stop_A = 0.3\nstep_A = 0.1\n"
+
+
+@pytest.mark.parametrize(
+    ("currents", "rule", "words"),
+    [
+        ("up_and_down = true", "", r"ring_down: the last current of the run is 0 A.*; give ring_down\.from_A, the cur"),
+        ("both_polarities = true", ", from_A = 0.3", r"ring_down\.from_A = 0\.3 .* leads .* swapped .*; use -0\.3, or"),
+        ("", ", from_A = -0.3", r"ring_down\.from_A goes to -0\.3 A, but supply\.driver = 'korad' .* cannot reverse"),
+    ],
+)
+def test_a_ring_down_that_is_impossible_after_the_states_is_refused_before_the_run(
+    setup: Any, currents: str, rule: str, words: str
+) -> None:
+    setup.protocol = parse(Protocol, setup.protocol.text.replace(UP, f"{UP}{currents}\n"), "p")
+    add_to_protocol(setup, f"ring_down = {{ seconds = 0.1{rule} }}")
+    with pytest.raises(InputError, match=words):
+        check_request(setup.protocol, setup.specimen, setup.rig)
+
+
+@pytest.mark.parametrize(
+    ("currents", "rule"),
+    [
+        ("up_and_down = true", ", from_A = 0.3"),
+        ("both_polarities = true", ""),
+        ("both_polarities = true", ", from_A = -0.2"),
+    ],
+)
+def test_a_ring_down_from_a_current_that_flows_after_the_states_is_accepted(
+    setup: Any, currents: str, rule: str
+) -> None:
+    setup.protocol = parse(Protocol, setup.protocol.text.replace(UP, f"{UP}{currents}\n"), "p")
+    add_to_protocol(setup, f"ring_down = {{ seconds = 0.1{rule} }}")
+    check_request(setup.protocol, setup.specimen, setup.rig)
 
 
 def test_creep_frames_last_as_long_as_the_state(setup: Any) -> None:
