@@ -69,6 +69,7 @@ class Sensing:
     ) -> None:
         self._sensors, self._clock, self._warn, self._beat = tuple(sensors), clock, warn, beat
         self._silent_until_s: dict[str, float] = {}
+        self._units: dict[str, str] = {}
 
     def begin(self) -> tuple[tuple[Identity, ...], tuple[LoggedSensor, ...]]:
         """Identify every sensor and read it once before a run.
@@ -94,6 +95,7 @@ class Sensing:
                     f"{identity.address}: the sensor {rule.name} reads in {unit}, but measures = {rule.measures!r} "
                     f"needs {UNITS[rule.measures]}"
                 )
+            self._units[rule.name] = unit
             identities.append(identity)
             logged.append(
                 LoggedSensor(
@@ -142,7 +144,7 @@ class Sensing:
     def read(self) -> dict[str, SensorReading]:
         """Read all sensors, and return the readings (value, uncertainty and time) by the name of the sensor.
 
-        A sensor that does not answer is left out.
+        A sensor that does not answer, or reads in another unit than at the beginning of the run, is left out.
         """
         readings = {}
         for each in self._sensors:
@@ -151,7 +153,7 @@ class Sensing:
                 continue
             self._beat()
             try:
-                readings[name] = each.sensor.read()
+                readings[name] = self._in_its_unit(each)
             except InstrumentError as error:
                 if name not in self._silent_until_s:
                     self._warn(f"the sensor {name} gives no value: {error}")
@@ -159,3 +161,12 @@ class Sensing:
             else:
                 self._silent_until_s.pop(name, None)
         return readings
+
+    def _in_its_unit(self, each: OpenSensor) -> SensorReading:
+        reading = each.sensor.read()
+        unit = self._units.get(each.rule.name, reading.unit)
+        if reading.unit != unit:
+            raise InstrumentError(
+                f"{each.rule.address}: reads in {reading.unit}, but read in {unit} at the beginning of the run"
+            )
+        return reading

@@ -139,6 +139,24 @@ def test_a_thermometer_cannot_measure_a_field(setup: Any) -> None:
         setup.run(remark=lambda line: None)
 
 
+def test_a_value_in_another_unit_than_at_the_beginning_of_the_run_is_no_value(setup: Any) -> None:
+    emulated = Emulated(setup, ROOM, '[[interlocks]]\nreading = "beam"\nmaximum = 40.0\nlongest_silence_s = 4.0')
+
+    def change(event: Event) -> None:
+        events.append(event)
+        if isinstance(event, OutputSwitched) and event.on:
+            setup.camera.repeats = True  # without new frames, each state lasts 5 s
+            emulated.quantity["beam"].unit = "mT"
+
+    events: list[Event] = []
+    with pytest.raises(BeyondInterlock, match="interlock beam: no reading for"):
+        setup.run(remark=lambda line: None, on_event=change)
+    (warning,) = [event.message for event in events if isinstance(event, Warned)]
+    assert warning == (
+        "the sensor beam gives no value: /dev/ttyT: reads in mT, but read in degC at the beginning of the run"
+    )
+
+
 @pytest.mark.parametrize(
     ("table", "words"),
     [
