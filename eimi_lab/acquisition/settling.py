@@ -88,12 +88,12 @@ def wait_until_settled(
         The last ratios, the duration, and a flag if the beam did not come to rest.
     """
     camera.flush()
-    began = clock.now()
+    began = at = clock.now()
     past: deque[tuple[float, NDArray[Any]]] = deque()
     quiet, ratio, drift = 0, float("inf"), float("inf")  # quiet: number of successive pairs with a small ratio
     recent: deque[float] = deque(maxlen=rule.pairs)  # several ratios, because one ratio may be small by chance
     band = None
-    while clock.now() <= max(began + rule.timeout_s, not_before_s):
+    while at <= max(began + rule.timeout_s, not_before_s):
         stop_if_asked()
         frame = camera.grab(GRAB_TIMEOUT_S)
         at = clock.now()

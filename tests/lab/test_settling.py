@@ -175,6 +175,24 @@ def test_a_beam_at_rest_is_waited_for_until_all_pairs_and_the_drift_window_are_q
         assert recorder.at_s == pytest.approx([0.1 * k for k in range(1, bench.taken + 1)])
 
 
+def test_a_beam_at_rest_is_judged_once_after_the_shortest_time_although_the_computation_takes_long() -> None:
+    # The shortest time ends between the last frame of the wait and the end of the computation for this frame.
+    rng = np.random.default_rng(10)
+    noise = measure_noise([camera(rng, 0.0) for _ in range(8)])
+    bench = Swinging([0.0])
+    computed = [0.0]
+    bench.now = lambda: bench.taken * 0.1 + computed[0]  # type: ignore[method-assign]
+
+    def compute(frame: Frame, at_s: float) -> None:
+        computed[0] += 0.06
+
+    rule = Settle(noise_ratio=1.3, pairs=2, drift_window_s=0.15, timeout_s=0.5)
+    for not_before_s in (0.7, 0.75, 0.8, 0.85):
+        bench.taken, computed[0] = 0, 0.0
+        settled = wait_until_settled(bench, bench, rule, noise, lambda: None, compute, not_before_s)
+        assert not settled.flags, not_before_s
+
+
 def test_the_noise_is_estimated_from_at_least_two_frames() -> None:
     with pytest.raises(ValueError, match="at least two"):
         measure_noise([np.zeros((4, 4), np.uint8)])
