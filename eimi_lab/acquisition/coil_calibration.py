@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from eimi_drivers.interfaces import InstrumentError, SensorReading
 from eimi_drivers.supplies.supply_names import is_bipolar
-from eimi_lab.acquisition.coil import Coil
+from eimi_lab.acquisition.coil import Coil, never
 from eimi_lab.acquisition.events import OnEvent, Warned
 from eimi_lab.acquisition.interlocks import Interlocks, readings_of
 from eimi_lab.acquisition.open_coil import CoilBench, open_coil, open_virtual_sensors
-from eimi_lab.acquisition.output_off import begin_with_output_off
+from eimi_lab.acquisition.output_off import AT_THE_SUPPLY, begin_with_output_off
 from eimi_lab.acquisition.sensing import Sensing
 from eimi_lab.acquisition.switching_off import switching_off
 from eimi_lab.config.calibration import Calibration, changed_calibration
@@ -121,12 +121,12 @@ def calibrate_coil(rig: Rig, currents_A: list[float], on_event: OnEvent) -> Coil
         def warn(message: str) -> None:
             on_event(Warned(message=message))
 
-        sensing = Sensing(bench.sensors, bench.clock, warn)
+        sensing = Sensing(bench.sensors, bench.clock, warn, bench.guardian.beat if bench.guardian else never)
         _, logged = sensing.begin()
         identity = bench.supply.identify()
         if bench.guardian:
             bench.guardian.expect(identity)
-        begin_with_output_off(bench, RAMP, False, rig.simulated, on_event)
+        begin_with_output_off(bench, RAMP, False, rig.simulated, on_event, AT_THE_SUPPLY)
         interlocks = Interlocks(rig.interlocks, on_event)
         if interlocks:
             interlocks.refuse_to_begin({**readings_of(bench.supply.measure()), **sensing.values()})

@@ -14,9 +14,17 @@ from eimi_lab.config.protocol import Ramp
 SWITCH_OFF_FIRST = ", and --take-over switches it off first"
 """What a person at a terminal can do if the output of the supply is on before a run."""
 
+AT_THE_SUPPLY = "; switch it off at the supply"
+"""What a person can do if a command without the option --take-over finds the output on."""
+
 
 def begin_with_output_off(
-    bench: Bench | CoilBench, ramp: Ramp, take_over: bool, simulated: bool, on_event: OnEvent
+    bench: Bench | CoilBench,
+    ramp: Ramp,
+    take_over: bool,
+    simulated: bool,
+    on_event: OnEvent,
+    instruction: str = SWITCH_OFF_FIRST,
 ) -> None:
     """Make sure that the output of the supply is off before a run begins.
 
@@ -32,6 +40,8 @@ def begin_with_output_off(
         Whether the supply is simulated.
     on_event : OnEvent
         Receives the events (records of what happened).
+    instruction : str
+        What a person can do if the output is on; the end of the error message.
 
     Raises
     ------
@@ -60,7 +70,7 @@ def begin_with_output_off(
         raise InstrumentError(
             f"{supply.identify().address}: the output is on ({reading.current_A:.3f} A, {reading.voltage_V:.2f} V); "
             "another program may use the supply or may have crashed; a run begins with the output off"
-            f"{SWITCH_OFF_FIRST}"
+            f"{instruction}"
         )
     limit = supply.limits.current_A
     coil = Coil(supply, bench.clock, ramp, asked_A=max(-limit, min(reading.current_A, limit)))

@@ -319,18 +319,18 @@ def test_the_field_is_read_at_each_current_after_the_coil_has_reached_it(
     currents, readings, line_of = coil_calibration.calibrate_coil(rig, [0.0, 0.3], event)  # type: ignore[misc]
     assert (currents.tolist(), readings) == ([0.0, 0.3], [[0], [1]])
     assert line_of("I", "B") == (logged[1], "I", "B")
-    warn = next(call[3] for call in calls if call[0] == "sense")
+    warn, beat = next(call[3:] for call in calls if call[0] == "sense")
     sense = next(call[-1][1] for call in calls if call[0] == "make coil")
     ramp = coil_calibration.RAMP
     at = coil_calibration.SETTLED_AFTER_S
     values = {"coil_current_A": 0.5, "coil_voltage_V": 4.0, "coil_power_W": 2.0, "hall": 7.0}
     assert calls == [
         ("open", rig, event),
-        ("sense", ("hall",), clock, warn),
+        ("sense", ("hall",), clock, warn, beat),
         ("sensing.begin",),
         ("supply.identify",),
         *[("guardian.expect", "supply A")] * guarded,
-        ("off first", bench, ramp, False, False, event),
+        ("off first", bench, ramp, False, False, event, "; switch it off at the supply"),
         ("interlocks", "rules", event),
         *[("supply.measure",), ("sensing.values",), ("refuse", values)] * bool(bounds),
         ("supply.check",),
@@ -357,7 +357,8 @@ def test_the_field_is_read_at_each_current_after_the_coil_has_reached_it(
     calls.clear()
     warn("no value")
     assert sense() == {"hall": 7.0}
-    assert calls == [("event", Warned(message="no value")), ("sensing.values",)]
+    beat()
+    assert calls == [("event", Warned(message="no value")), ("sensing.values",), *[("guardian.beat",)] * guarded]
     with pytest.raises(InputError, match=r'^rig r: has no sensor with measures = "field"; add a gaussmeter in'):
         coil_calibration.calibrate_coil(SimpleNamespace(name="r", sensors=sensors[:1]), [0.0], event)  # type: ignore[arg-type]
 

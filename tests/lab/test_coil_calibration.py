@@ -150,7 +150,7 @@ def test_each_current_is_held_for_half_a_second_before_five_readings_that_are_a_
             clock.sleep(10.0)
 
     class Probe:
-        def __init__(self, sensors: Any, clock: Any, warn: Any) -> None: ...
+        def __init__(self, sensors: Any, clock: Any, warn: Any, beat: Any) -> None: ...
 
         def begin(self) -> Any:
             return None, [SimpleNamespace(name="hall")]
