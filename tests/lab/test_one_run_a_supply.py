@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 from types import SimpleNamespace
@@ -14,6 +15,7 @@ from eimi_drivers.interfaces import InstrumentError
 from eimi_lab.acquisition import supply_lock
 from eimi_lab.acquisition.supply_lock import only_run_on
 from eimi_lab.process.awake import kept_awake
+from eimi_lab.process.errors import InputError
 from tests.patience import PATIENCE_S
 
 ADDRESS = "TCPIP::192.0.2.7::5025::SOCKET"
@@ -64,6 +66,21 @@ def test_one_of_two_runs_that_begin_at_the_same_time_is_refused_in_one_line(
     answers = [run.communicate()[1] for run in runs]
     assert [run.returncode for run in runs] == [0 if line else 1 for line in began]
     assert "another run uses this supply" in answers[began.index("")]
+
+
+def test_a_folder_for_locks_that_does_not_exist_is_not_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "absent"))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    with only_run_on(ADDRESS):
+        (lock,) = tmp_path.iterdir()
+        assert lock.name.startswith(".eimi-supply-")
+
+
+def test_a_lock_that_cannot_be_made_is_not_called_another_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("XDG_RUNTIME_DIR", raising=False)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "absent"))
+    with pytest.raises(InputError, match=r"there is no folder .*absent"), only_run_on(ADDRESS):
+        pass
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="systemd-inhibit is of Linux")
