@@ -189,6 +189,8 @@ def dry_run(
         without_interlocks = rig.model_copy(update={"interlocks": ()})  # interlocks concern the real coil
         acquire(protocol, specimen, without_interlocks, bench, Path(folder) / "dry_run.h5", say_stored)
     shortest = clock.now()
-    settled = len(currents) + (min(cycles, 2) + 2 if cycles else 0)
-    longest = shortest + settled * (protocol.settle.timeout_s - protocol.settle.drift_window_s)
+    settle = protocol.settle
+    in_state_s = max(0.0, settle.timeout_s - max(settle.drift_window_s, settle.dwell_s))
+    others = (min(cycles, 2) + 2 if cycles else 0) + (rule.repeats if rule else 0)  # in cycles and before ring-downs
+    longest = shortest + len(currents) * in_state_s + others * (settle.timeout_s - settle.drift_window_s)
     say(f"duration: {shortest:.0f} s if the beam is at rest at once, {longest:.0f} s if it never comes to rest")

@@ -189,15 +189,28 @@ def test_the_steps_of_a_long_run_are_summarised(setup: Any) -> None:
 
 
 def test_a_dry_run_prints_the_durations_with_a_beam_at_rest_and_with_a_beam_that_never_rests(setup: Any) -> None:
-    # If the beam never rests, each wait takes 5 s and not 0.02 s, in ten states and in four frames of the conditioning.
-    steps, _ = long_run(setup)
-    durations = re.fullmatch(
-        r"duration: (\d+) s if the beam is at rest at once, (\d+) s if it never comes to rest", steps[-1]
-    )
-    assert durations is not None
-    shortest_s, longest_s = map(int, durations.groups())
+    # If the beam never rests, each wait takes 5 s and not 0.02 s: in ten states, in four frames of the conditioning,
+    # and before three ring-downs.
+    shortest_s, longest_s = durations_s(long_run(setup)[0][-1])
     assert shortest_s > 3 * 2.0  # of the ring-downs
-    assert longest_s - shortest_s == pytest.approx((10 + 4) * (5.0 - 0.02), abs=1.0)
+    assert longest_s - shortest_s == pytest.approx((10 + 4 + 3) * (5.0 - 0.02), abs=1.0)
+
+
+def durations_s(line: str) -> tuple[int, int]:
+    found = re.fullmatch(r"duration: (\d+) s if the beam is at rest at once, (\d+) s if it never comes to rest", line)
+    assert found is not None
+    return int(found[1]), int(found[2])
+
+
+@pytest.mark.parametrize(("dwell_s", "longer_s"), [(3.0, 4 * (5.0 - 3.0)), (8.0, 0.0)])
+def test_a_wait_for_a_beam_that_never_rests_includes_the_shortest_duration_of_a_state(
+    setup: Any, dwell_s: float, longer_s: float
+) -> None:
+    setup.protocol = parse(Protocol, setup.protocol.text.replace("[settle]", f"[settle]\ndwell_s = {dwell_s}"), "p")
+    lines: list[str] = []
+    dry_run(setup.protocol, setup.specimen, setup.rig, lines.append)
+    shortest_s, longest_s = durations_s(lines[-1])
+    assert longest_s - shortest_s == pytest.approx(longer_s, abs=1.0)
 
 
 def test_the_camera_of_a_dry_run_shows_a_beam_at_rest_with_noise() -> None:
