@@ -44,7 +44,7 @@ def pack(name: str) -> str:
             f"{error}; write the driver as a class in a module of its own"
         ) from error
     packed = json.dumps({"path": sys.path, "driver": base64.b64encode(pickled).decode("ascii")})
-    if LONGEST_ARGUMENT is not None and len(packed) > LONGEST_ARGUMENT:
+    if len(packed) > LONGEST_ARGUMENT:
         raise UnusableDriver(
             f"the supply driver {name!r} is too large to be sent to the process that switches the coil off if the run "
             "dies; write the driver as a class in a module of its own"

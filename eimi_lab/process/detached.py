@@ -36,8 +36,11 @@ if sys.platform == "win32":
 
 SESSION_ATTEMPTS, SESSION_AGAIN_AFTER_S = 5, 0.1
 
-LONGEST_ARGUMENT = 24_000 if sys.platform == "win32" else None
-"""Largest number of characters of one argument. A command line of Windows has at most 32767 (CreateProcessW)."""
+LONGEST_ARGUMENT = 24_000 if sys.platform == "win32" else 120_000
+"""Largest number of characters of one argument.
+
+A command line of Windows has at most 32767 (CreateProcessW), and an argument of Linux at most 131072 (execve(2)).
+"""
 
 
 def detached() -> dict[str, Any]:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -30,6 +32,8 @@ from eimi_lab.config.protocol import load_protocol
 from eimi_lab.config.rig import load_rig
 from eimi_lab.config.specimen import load_specimen
 from eimi_lab.dataset.reading import open_dataset
+from eimi_lab.process.detached import LONGEST_ARGUMENT
+from tests.patience import PATIENCE_S
 
 PACKAGE = Path(__file__).parents[1] / "shared" / "outside" / "mine_lab.py"
 LIMITS = Limits(current_A=1.0, voltage_V=12.0)
@@ -129,6 +133,11 @@ def test_a_driver_that_is_too_large_for_the_argument_of_a_process_is_refused(mon
     monkeypatch.setattr("eimi_lab.acquisition.added_driver.LONGEST_ARGUMENT", len(packed) - 1)
     with pytest.raises(UnusableDriver, match="the supply driver 'korad' is too large to be sent to the process that"):
         pack("korad")
+
+
+def test_the_longest_text_of_a_driver_is_an_argument_that_the_system_accepts() -> None:
+    ward = Ward("mine", "/dev/ttyUSB0", 1.0, 10.0, '"' + "x" * (LONGEST_ARGUMENT - 2) + '"')
+    subprocess.run(["true", json.dumps(asdict(ward))], check=True, timeout=PATIENCE_S)
 
 
 @pytest.mark.usefixtures("added")

@@ -408,7 +408,7 @@ def test_a_driver_that_is_too_long_for_an_argument_is_refused(monkeypatch: pytes
 
     monkeypatch.setattr(added_driver, "SUPPLIES", Table(own=Own, known=Own))
     monkeypatch.setattr(sys, "path", [])
-    monkeypatch.setattr(added_driver, "LONGEST_ARGUMENT", None)
+    monkeypatch.setattr(added_driver, "LONGEST_ARGUMENT", 120_000)
     assert added_driver.pack("known") == ""
     packed = added_driver.pack("own")
     monkeypatch.setattr(added_driver, "LONGEST_ARGUMENT", len(packed))
