@@ -82,7 +82,8 @@ class EventLines:
 
     def _write(self) -> None:
         try:
-            with open(self._descriptor, "w", encoding="utf-8") as lines:
+            # The backslash notation of a character without an UTF-8 form is also that of JSON.
+            with open(self._descriptor, "w", encoding="utf-8", errors="backslashreplace") as lines:
                 while line := self._waiting.get():
                     lines.write(line)
                     lines.flush()

@@ -387,6 +387,18 @@ def test_lines_for_a_reader_that_has_ended_are_dropped_with_one_line_in_the_log(
     assert message.startswith("the program that read the events has closed its pipe: [Errno 32]")
 
 
+def test_a_file_name_that_is_no_utf8_is_written_and_read_again() -> None:
+    reads, writes = os.pipe()
+    name = os.fsdecode(b"caf\xe9.h5")
+    ended = RunEnded(status="completed", reason="", stored=4, states=4, dataset=name)
+    lines = EventLines(writes)
+    for event in (ended, OutputSwitched(on=False)):
+        lines(event)
+    lines.finish()
+    with os.fdopen(reads, "rb") as stored:
+        assert [from_line(line) for line in stored] == [ended, OutputSwitched(on=False)]
+
+
 def test_the_log_contains_messages_to_the_supply_the_guardian_and_events(bench: Path) -> None:
     with emulated(bench):
         logged = subprocess.run(
