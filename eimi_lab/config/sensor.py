@@ -57,7 +57,9 @@ class RigSensor(Table):
     """
 
     at_rest_degC: float | None = Field(default=None, gt=-50, lt=100)
-    """For the driver coil-resistance: temperature of the coil before the run, which is the room temperature."""
+    """For the driver coil-resistance: temperature of the coil before the run, which is the room temperature. Before a
+    run is resumed, let the coil cool to this temperature.
+    """
     at_rest_A: float | None = Field(default=None, gt=0)
     """For the driver coil-resistance: current with which the resistance at this temperature is measured before the
     first state.
