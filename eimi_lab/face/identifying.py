@@ -207,7 +207,8 @@ def fit(
     seed : int, or with a list of laws a sequence of int
         Seed of the random numbers of the search.
     each : bool
-        Fit every dataset separately. This needs a list of laws.
+        Fit every dataset separately. This needs a list of laws. With ``time="prony"``, a dataset that holds recorded
+        motions and no states is used in the fit of every dataset with states.
     bootstrap : int
         Number of bootstrap samples of the states; the fit is repeated on every sample.
     workers : int
@@ -318,10 +319,10 @@ def identify_laws(
     executor = executor_for(workers, scheduler)
     if output:
         refuse_existing(output, force)
-    motions = _motions_of(datasets) if options.has_law_of_time else []
+    motions = _motions_of(datasets, each) if options.has_law_of_time else []
     with_states = [path for path, one in zip(datasets, motions, strict=True) if one.has_states] if motions else datasets
     if motions and not with_states:
-        return _fits_of_motions(laws, motions, seeds, output, force), []
+        return _fits_of_motions(laws, motions, seeds, each, output, force), []
     evidence = [options.load(path) for path in with_states]
     options.check(evidence)
     tasks = grid(laws, evidence, seeds, each=each, bootstrap=bootstrap)
@@ -347,28 +348,35 @@ def identify_laws(
     if motions:
         from eimi_lab.fits.time_fits import with_law_of_time
 
-        motions = _motions_of(datasets)  # the edges of recorded frames may have been found just now
-        fits = [with_law_of_time(record, evidence, motions, record.seed) for record in fits]
+        motions = _motions_of(datasets, each)  # the edges of recorded frames may have been found just now
+        fits = [with_law_of_time(record, evidence, motions) for record in fits]
     content = Fits.of(fits)
     if output:
         content.write(output, force)
     return content, evidence
 
 
-def _motions_of(datasets: Sequence[Path]) -> list[MotionEvidence]:
+def _motions_of(datasets: Sequence[Path], each: bool) -> list[MotionEvidence]:
     """Return the recorded ring-downs (free vibrations) and creep of each dataset."""
     from eimi_lab.fits.recorded_motions import load_motions, with_ring_downs
 
-    return with_ring_downs([load_motions(path) for path in datasets])
+    return with_ring_downs([load_motions(path) for path in datasets], each)
 
 
 def _fits_of_motions(
-    laws: Sequence[str], motions: Sequence[MotionEvidence], seeds: Sequence[int], output: Path | None, force: bool
+    laws: Sequence[str],
+    motions: Sequence[MotionEvidence],
+    seeds: Sequence[int],
+    each: bool,
+    output: Path | None,
+    force: bool,
 ) -> Fits:
     """Return the fits to datasets that have ring-downs (free vibrations) but no states (load steps at rest)."""
+    from eimi_lab.fits.recorded_motions import fitted_together
     from eimi_lab.fits.time_fits import fit_motions
 
-    content = Fits.of([fit_motions(law, motions, seed) for law in laws for seed in seeds])
+    groups = fitted_together(motions, each)
+    content = Fits.of([fit_motions(law, group, seed) for group in groups for law in laws for seed in seeds])
     if output:
         content.write(output, force)
     return content

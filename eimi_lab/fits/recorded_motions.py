@@ -86,14 +86,37 @@ def load_motions(path: Path) -> MotionEvidence:
         )
 
 
-def with_ring_downs(datasets: Sequence[MotionEvidence]) -> list[MotionEvidence]:
+def with_ring_downs(datasets: Sequence[MotionEvidence], each: bool = False) -> list[MotionEvidence]:
     """Check that a viscoelastic (Prony) law can be fitted to datasets, and return the datasets unchanged.
+
+    With `each`, every dataset is fitted separately.
 
     Raises
     ------
     InputError
-        If no dataset holds a ring-down (a free vibration), or if the specimens differ.
+        If the datasets of a fit hold no ring-down (no free vibration), or if their specimens differ.
     """
+    for together in fitted_together(datasets, each):
+        _check_together(together)
+    return list(datasets)
+
+
+def fitted_together(motions: Sequence[MotionEvidence], each: bool) -> list[list[MotionEvidence]]:
+    """Return the motions of each fit; with `each`, every dataset is fitted separately."""
+    if not each:
+        return [list(motions)]
+    return [motions_beside([one.path], motions) for one in motions if one.has_states] or [[one] for one in motions]
+
+
+def motions_beside(paths: Sequence[Path], motions: Sequence[MotionEvidence]) -> list[MotionEvidence]:
+    """Return the motions that are fitted together with the states (load steps) of the datasets `paths`.
+
+    They are the motions of these datasets, and those of all datasets without states.
+    """
+    return [one for one in motions if one.path in paths or not one.has_states]
+
+
+def _check_together(datasets: Sequence[MotionEvidence]) -> None:
     for other in datasets[1:]:
         if other.specimen != datasets[0].specimen:
             raise InputError(
@@ -106,7 +129,6 @@ def with_ring_downs(datasets: Sequence[MotionEvidence]) -> list[MotionEvidence]:
             f"{paths}: --time prony: there is no ring-down; record a ring-down with [ring_down] in the protocol, "
             "or import a recording with `eimi import --ring-down`"
         )
-    return list(datasets)
 
 
 def _recorded(dataset: Dataset, motion: Motion) -> RecordedMotion:

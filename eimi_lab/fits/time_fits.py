@@ -13,7 +13,7 @@ from eimi_fitting.laws.stability import LARGEST_STRETCH_CHECKED, stable_up_to
 from eimi_fitting.time.identification import LawOfTime, NoEquilibrium, NoRingDown, StaticStates, identify_time
 from eimi_lab.fits.evidence import Evidence
 from eimi_lab.fits.law_record import Stability
-from eimi_lab.fits.recorded_motions import MotionEvidence, static_states
+from eimi_lab.fits.recorded_motions import MotionEvidence, motions_beside, static_states
 from eimi_lab.fits.records import FitRecord, package_versions
 from eimi_lab.fits.time_records import MotionReference, RingDownRecord
 from eimi_lab.process.errors import InputError
@@ -21,16 +21,18 @@ from eimi_lab.process.errors import InputError
 _ALONE = "neo-hookean"  # the law with one modulus as its only parameter
 
 
-def with_law_of_time(
-    record: FitRecord, evidence: Sequence[Evidence], motions: Sequence[MotionEvidence], seed: int
-) -> FitRecord:
+def with_law_of_time(record: FitRecord, evidence: Sequence[Evidence], motions: Sequence[MotionEvidence]) -> FitRecord:
     """Return the record of a fit to static states with an added viscoelastic (Prony) law.
 
-    The law is fitted to all motions (ring-downs, which are free vibrations, and creep) and to the static modulus.
-    Raises InputError if no ring-down can be used.
+    The law is fitted to the static modulus and to motions (ring-downs, which are free vibrations, and creep). Of
+    `evidence` and `motions`, only the datasets of the record and the datasets without states are used. Raises
+    InputError if no ring-down can be used.
     """
-    static = static_states(evidence, record)
-    return replace(record, time=_identified(record.model, np.array(record.values()), motions, static, seed))
+    fitted = {dataset.sha256 for dataset in record.datasets}
+    own = [one for one in evidence if one.sha256 in fitted]
+    beside = motions_beside([one.path for one in own], motions)
+    static = static_states(own, record)
+    return replace(record, time=_identified(record.model, np.array(record.values()), beside, static, record.seed))
 
 
 def fit_motions(model: str, motions: Sequence[MotionEvidence], seed: int) -> RingDownRecord:

@@ -213,16 +213,19 @@ def test_laws_are_fitted_to_states_and_motions(
     written: list[Any] = []
     content = SimpleNamespace(write=lambda path, force: written.append((path, force)))
     monkeypatch.setattr(identifying.Fits, "of", staticmethod(lambda fits: written.append(fits) or content))
-    motions = [SimpleNamespace(has_states=case != "motions alone"), SimpleNamespace(has_states=False)]
+    motions = [
+        SimpleNamespace(path=Path("a"), has_states=case != "motions alone"),
+        SimpleNamespace(path=Path("b"), has_states=False),
+    ]
     calls = called("eimi_lab.fits.recorded_motions.load_motions", lambda path: f"motions of {path}")
     called("eimi_lab.fits.recorded_motions.with_ring_downs", motions)
     called("eimi_lab.fits.time_fits.fit_motions", lambda law, motions, seed: (law, seed))
-    called("eimi_lab.fits.time_fits.with_law_of_time", lambda record, evidence, motions, seed: (record.name, seed))
+    called("eimi_lab.fits.time_fits.with_law_of_time", lambda record, evidence, motions: (record.name, record.seed))
     called("eimi_lab.process.workers.executor_for", "executor")
     called("eimi_lab.fits.fit_grid.grid", ["task", "task 2"])
     called("eimi_lab.fits.checkpoint.Checkpoint.of", "log")
-    called("eimi_lab.fits.fit_grid.fit_grid", [SimpleNamespace(name="f", seed=9)])
-    evidence = SimpleNamespace(sha256="hash")
+    evidence = SimpleNamespace(path=Path("a"), sha256="hash")
+    called("eimi_lab.fits.fit_grid.fit_grid", [SimpleNamespace(name="f", seed=9, datasets=[evidence])])
     options: Any = SimpleNamespace(
         **{"section": None, "tensile": None, "has_law_of_time": case != "states", "head": dict},
         **{"for_identify": lambda: "identify", "check_laws": lambda laws: None, "check": lambda evidence: None},

@@ -15,6 +15,7 @@ from eimi_fitting.inference.evidence.sources import StatedSource
 from eimi_fitting.laws.sum_of_terms import Term
 from eimi_lab.fits import discovering, planned_ring_down, recorded_motions
 from eimi_lab.fits.planned_ring_down import ExpectedRingDown
+from eimi_lab.fits.recorded_motions import MotionEvidence
 from eimi_lab.process.errors import InputError
 
 I1, CUBE = Term.of("i1"), Term.of("i1^3")
@@ -52,6 +53,40 @@ def test_a_motion_follows_from_the_loads_before_it(recorded: Any, before: Any) -
     found = recorded_motions._recorded(None, recorded)  # type: ignore[arg-type]
     assert found.loads == (0.5, recorded.hanging_N)
     assert (found.before or ()) == before
+
+
+def evidence_of(path: str, has_states: bool, specimen: str = "beam", has_recording: bool = True) -> MotionEvidence:
+    given: Any = (Path(path), path, specimen, (), (), (), has_states, has_recording)
+    return MotionEvidence(*given)
+
+
+@pytest.mark.parametrize(
+    ("has_states", "each", "groups"),
+    [
+        ((True, True), False, ["ab"]),
+        ((True, True), True, ["a", "b"]),
+        ((True, True, False), True, ["ac", "bc"]),  # a recording without states belongs to all states
+        ((False, False), False, ["ab"]),
+        ((False, False), True, ["a", "b"]),
+    ],
+)
+def test_a_fit_of_each_dataset_uses_its_own_motions(
+    has_states: tuple[bool, ...], each: bool, groups: list[str]
+) -> None:
+    motions = [evidence_of(path, states) for path, states in zip("abc", has_states, strict=False)]
+    found = recorded_motions.fitted_together(motions, each)
+    assert ["".join(str(one.path) for one in group) for group in found] == groups
+
+
+def test_datasets_that_are_fitted_separately_need_a_ring_down_each_but_not_one_specimen() -> None:
+    beams = [evidence_of("a", True), evidence_of("b", True, "other beam")]
+    assert recorded_motions.with_ring_downs(beams, each=True) == beams
+    with pytest.raises(InputError, match="^b: the specimen of this dataset differs from the specimen of a; "):
+        recorded_motions.with_ring_downs(beams)
+    silent = [evidence_of("a", True), evidence_of("b", True, has_recording=False)]
+    assert recorded_motions.with_ring_downs(silent) == silent
+    with pytest.raises(InputError, match="^b: --time prony: there is no ring-down; "):
+        recorded_motions.with_ring_downs(silent, each=True)
 
 
 @pytest.mark.parametrize(

@@ -302,6 +302,17 @@ def test_the_parameter_of_a_ring_down_has_the_scale_of_its_law(monkeypatch: pyte
         time_fits.fit_motions("yeoh", motions, 4)
 
 
+def test_a_law_of_time_follows_from_the_datasets_of_its_fit(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(time_fits, "_identified", lambda *given: given)
+    monkeypatch.setattr(time_fits, "static_states", lambda evidence, record: evidence)
+    monkeypatch.setattr(time_fits, "replace", lambda record, time: time)
+    evidence: Any = [SimpleNamespace(path=Path(name), sha256=name) for name in "ab"]
+    motions: Any = [SimpleNamespace(path=Path(name), has_states=name != "c") for name in "abc"]
+    record: Any = SimpleNamespace(datasets=evidence[1:], seed=9, model="yeoh", values=lambda: [1.0, 2.0, 3.0])
+    found: Any = time_fits.with_law_of_time(record, evidence, motions)
+    assert (found[0], found[1].tolist(), *found[2:]) == ("yeoh", [1.0, 2.0, 3.0], motions[1:], evidence[1:], 9)
+
+
 # Curves, remarks and faults of files
 
 
