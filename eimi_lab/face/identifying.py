@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeAlias, overload
 
+from eimi_fitting.beam.specimen import Section
 from eimi_fitting.inference.evidence.parameter_priors import Prior
 from eimi_lab.face.given import AnyDataset, AnyPath, SectionName, closed_meanwhile, named_options, output_of, several
 from eimi_lab.fits.evidence import Evidence
@@ -312,14 +313,14 @@ def identify_laws(
     from eimi_lab.process.workers import executor_for
 
     laws = check_models(models)
-    check_section(options.section)
+    section = check_section(options.section)
     options.check_laws(laws)
     check_distinct([*datasets, *(options.tensile or [])], [path for path in (output, checkpoint) if path])
     for_identify = options.for_identify()
     executor = executor_for(workers, scheduler)
     if output:
         refuse_existing(output, force)
-    motions = _motions_of(datasets, each) if options.has_law_of_time else []
+    motions = _motions_of(datasets, section, each) if options.has_law_of_time else []
     with_states = [path for path, one in zip(datasets, motions, strict=True) if one.has_states] if motions else datasets
     if motions and not with_states:
         return _fits_of_motions(laws, motions, seeds, each, output, force), []
@@ -348,7 +349,7 @@ def identify_laws(
     if motions:
         from eimi_lab.fits.time_fits import with_law_of_time
 
-        motions = _motions_of(datasets, each)  # the edges of recorded frames may have been found just now
+        motions = _motions_of(datasets, section, each)  # the edges of recorded frames may have been found just now
         fits = [with_law_of_time(record, evidence, motions) for record in fits]
     content = Fits.of(fits)
     if output:
@@ -356,11 +357,11 @@ def identify_laws(
     return content, evidence
 
 
-def _motions_of(datasets: Sequence[Path], each: bool) -> list[MotionEvidence]:
+def _motions_of(datasets: Sequence[Path], section: Section | None, each: bool) -> list[MotionEvidence]:
     """Return the recorded ring-downs (free vibrations) and creep of each dataset."""
     from eimi_lab.fits.recorded_motions import load_motions, with_ring_downs
 
-    return with_ring_downs([load_motions(path) for path in datasets], each)
+    return with_ring_downs([load_motions(path, section) for path in datasets], each)
 
 
 def _fits_of_motions(

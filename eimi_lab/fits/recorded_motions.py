@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from eimi_fitting.beam.loads import Loads
-from eimi_fitting.beam.specimen import Specimen
+from eimi_fitting.beam.specimen import Section, Specimen
 from eimi_fitting.inference.evidence.sources import SOURCES, StatedSource
 from eimi_fitting.time.identification import RecordedMotion, StaticRun, StaticStates
 from eimi_fitting.time.measured import Motion
@@ -61,8 +61,15 @@ class MotionEvidence:
     has_recording: bool
 
 
-def load_motions(path: Path) -> MotionEvidence:
+def load_motions(path: Path, section: Section | None = None) -> MotionEvidence:
     """Read the ring-downs (free vibrations) and the creep of a dataset.
+
+    Parameters
+    ----------
+    path : Path
+        Dataset file.
+    section : {"solid", "plane-strain", "plane-stress"}, optional
+        Model of the cross-section; by default that of the specimen file.
 
     Raises
     ------
@@ -74,10 +81,11 @@ def load_motions(path: Path) -> MotionEvidence:
         recorded = tuple(_recorded(dataset, motion) for motion in motions)
         with path.open("rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
+        specimen = dataset.specimen.mechanics()
         return MotionEvidence(
             path,
             digest,
-            dataset.specimen.mechanics(),
+            replace(specimen, section=section) if section else specimen,
             recorded,
             sources_of(dataset),
             taken_as_exact(dataset),

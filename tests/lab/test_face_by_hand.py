@@ -217,7 +217,7 @@ def test_laws_are_fitted_to_states_and_motions(
         SimpleNamespace(path=Path("a"), has_states=case != "motions alone"),
         SimpleNamespace(path=Path("b"), has_states=False),
     ]
-    calls = called("eimi_lab.fits.recorded_motions.load_motions", lambda path: f"motions of {path}")
+    calls = called("eimi_lab.fits.recorded_motions.load_motions", lambda path, section: f"motions of {path}")
     called("eimi_lab.fits.recorded_motions.with_ring_downs", motions)
     called("eimi_lab.fits.time_fits.fit_motions", lambda law, motions, seed: (law, seed))
     called("eimi_lab.fits.time_fits.with_law_of_time", lambda record, evidence, motions: (record.name, record.seed))

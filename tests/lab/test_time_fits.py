@@ -5,17 +5,20 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import h5py
 import numpy as np
 import pytest
 
 from eimi_fitting import LAWS, Loads, Specimen
+from eimi_fitting.laws.law import Law
 from eimi_fitting.laws.prony import Prony
+from eimi_fitting.time.identification import NoRingDown
 from eimi_fitting.time.ringing import RingTable
 from eimi_fitting.time.ringing_beam import RingingBeam
 from eimi_lab.dataset.moving.stored_motions import GROUPS
+from eimi_lab.fits import time_fits
 
 Run = Callable[..., tuple[int, str]]
 
@@ -100,6 +103,22 @@ def test_a_flick_gives_the_dynamic_modulus_and_its_card_and_report(
     code, message = run("report", imported, "--fit", fits, "-o", imported.parent / "report.html")
     assert code == 0, message
     assert "Viscoelastic law" in (imported.parent / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(("options", "section"), [((), "plane-stress"), (("--section", "plane-strain"), "plane-strain")])
+def test_the_section_of_a_fit_is_also_that_of_its_ring_downs(
+    run: Run, monkeypatch: pytest.MonkeyPatch, imported: Path, options: tuple[str, ...], section: str
+) -> None:
+    sections: list[str] = []
+
+    def identified(law: Law, shape: np.ndarray, specimen: Specimen, *given: Any, seed: int) -> NoReturn:
+        sections.append(specimen.section)
+        raise NoRingDown("too short")
+
+    monkeypatch.setattr(time_fits, "identify_time", identified)
+    output = imported.parent / "fits.json"
+    code, message = run("fit", imported, "--model", "neo-hookean", "--time", "prony", *options, "-o", output)
+    assert (code, sections) == (2, [section]), message
 
 
 @pytest.mark.parametrize(
