@@ -323,6 +323,7 @@ def identify_laws(
     motions = _motions_of(datasets, section, each) if options.has_law_of_time else []
     with_states = [path for path, one in zip(datasets, motions, strict=True) if one.has_states] if motions else datasets
     if motions and not with_states:
+        options.check_motions(datasets, {"--bootstrap": bootstrap, "--checkpoint": checkpoint, "--resume": resume})
         return _fits_of_motions(laws, motions, seeds, each, output, force), []
     evidence = [options.load(path) for path in with_states]
     options.check(evidence)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
@@ -188,6 +188,37 @@ class FitOptions:
                         "information about this input"
                     )
                 self._check_spread(prior, dataset)
+
+    def check_motions(self, datasets: Sequence[Path], others: Mapping[str, object]) -> None:
+        """Check the options of a fit to recorded motions alone: some options need states (load steps).
+
+        Parameters
+        ----------
+        datasets : sequence of Path
+            Datasets, for messages.
+        others : mapping
+            Further options that need states, with their values.
+
+        Raises
+        ------
+        InputError
+            If an option is given that such a fit does not use.
+        """
+        given = {
+            "--include-flagged": self.include_flagged,
+            "--free": self.free,
+            "--prior": self.prior,
+            "--tensile": self.tensile,
+            "--restarts": self.restarts,
+            "--bipop": self.bipop,
+            **others,
+        }
+        for name, value in given.items():
+            if value:
+                raise InputError(
+                    f"{', '.join(map(str, datasets))}: {name}: is for a fit to states (load steps), and these datasets "
+                    "hold recorded motions and no states; leave this option out"
+                )
 
     @staticmethod
     def _check_spread(prior: NuisancePrior, dataset: Evidence) -> None:

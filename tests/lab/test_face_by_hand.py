@@ -230,6 +230,7 @@ def test_laws_are_fitted_to_states_and_motions(
         **{"section": None, "tensile": None, "has_law_of_time": case != "states", "head": dict},
         **{"for_identify": lambda: "identify", "check_laws": lambda laws: None, "check": lambda evidence: None},
         load=lambda path: evidence,
+        check_motions=lambda datasets, others: None,
     )
     paths, output = [Path("a"), Path("b")], tmp_path / "fits.json"
     fits, found = identifying.identify_laws(

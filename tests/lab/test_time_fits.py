@@ -138,6 +138,20 @@ def test_a_fit_of_a_ring_down_that_cannot_be_is_refused(
     assert not (imported.parent / "fits.json").exists()
 
 
+def test_options_for_states_are_refused_in_a_fit_of_ring_downs_alone(
+    run: Run, monkeypatch: pytest.MonkeyPatch, imported: Path
+) -> None:
+    monkeypatch.chdir(imported.parent)
+    Path("curve.csv").write_text("strain,stress_kPa\n" + "".join(f"{e / 100},{e}\n" for e in range(1, 40)))
+    given = "--include-flagged", "--free width", "--prior mu=60000,500", "--tensile curve.csv", "--restarts 2", "--bipop"
+    for option in (*given, "--bootstrap 9", "--checkpoint log.jsonl", "--resume"):
+        fit = ("fit", "flick.h5", "--model", "neo-hookean", "--time", "prony", "-o", "fits.json")
+        code, message = run(*fit, *option.split())
+        assert code == 2
+        assert f"flick.h5: {option.split()[0]}: is for a fit to states (load steps)" in message
+    assert not Path("fits.json").exists()
+
+
 def test_a_dataset_without_a_ring_down_is_refused_with_the_remedy(run: Run, imported: Path) -> None:
     with h5py.File(imported, "r+", libver="latest") as file:
         del file["entry"][GROUPS["ring_down"]]
