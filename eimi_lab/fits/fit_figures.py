@@ -18,6 +18,7 @@ from eimi_lab.showing.palette import IN_ORDER, MARKERS, PALETTE
 Array = NDArray[np.float64]
 
 _BEYOND = 2.0  # the figure ends at this multiple of the largest strain in the data
+_WITHOUT_DATA = 0.1  # the figure ends at this strain if the strains in the data are not determined
 
 
 @styled
@@ -33,10 +34,10 @@ def drawn_law(law: Law, parameters: Array, drawn: Array, max_stretch: float) -> 
     drawn : ndarray, shape (D, n)
         D random samples of the parameters, for the shaded 95 % interval.
     max_stretch : float
-        Largest stretch in the data.
+        Largest stretch in the data; 1 if it is not determined.
     """
     reached = max_stretch - 1
-    strain = np.linspace(0, _BEYOND * reached, 101)
+    strain = np.linspace(0, _BEYOND * reached or _WITHOUT_DATA, 101)
     drawing = Drawing(3.0, 4.8)
     axes = drawing.subplots()
     axes.axvspan(100 * reached, 100 * strain[-1], color="0.92", zorder=0, label="extrapolated")

@@ -54,7 +54,7 @@ class LawRecord:
     initial_shear_modulus : Quantity
         Value and 95 % interval.
     max_stretch : float
-        Largest principal stretch in the data.
+        Largest principal stretch in the data; 1 for a fit to ring-downs, whose stretches are not determined.
     stability : Stability
         Largest stable stretch, with the criterion.
     doubts : tuple of Doubt
@@ -133,17 +133,20 @@ class LawRecord:
         return ()
 
     def stretch_in_words(self) -> str:
-        """Return a sentence with the largest stretch in the data and the limit of stability."""
+        """Return sentences with the largest stretch in the data and the limit of stability."""
+        return (
+            f"Largest stretch in the data {self.max_stretch:.3f}; beyond this stretch the law is an extrapolation. "
+            f"{self._stability_in_words()}"
+        )
+
+    def _stability_in_words(self) -> str:
         limit, checked = self.stability.stable_up_to_stretch, self.stability.checked_up_to_stretch
         stable = (
             f"up to a stretch of {checked:g}, the largest stretch that was checked"
             if limit is None
             else f"up to {limit:.3g} only"
         )
-        return (
-            f"Largest stretch in the data {self.max_stretch:.3f}; beyond this stretch the law is an extrapolation. "
-            f"The law is {self.stability.criterion}-stable {stable}."
-        )
+        return f"The law is {self.stability.criterion}-stable {stable}."
 
     def caveats(self) -> list[str]:
         """Return lines on the limits of a fit: interval, undetermined parameters, stretch, stability and doubts."""

@@ -214,6 +214,11 @@ def _validation(
         mean_deviation_mm=float(misfit.deviation_mm[0].mean()),
         max_stretch=stretch,
         stable=not plain.unstable[0],
-        within_fitted_stretch=stretch <= fit.max_stretch + _SAME_STRETCH,
+        within_fitted_stretch=_is_within(stretch, fit),
         by_state=StateError.of(evidence, misfit.error_mm[0], misfit.deviation_mm[0]),
     )
+
+
+def _is_within(stretch: float, fit: FitRecord | TensileRecord | RingDownRecord) -> bool | None:
+    """Return whether a stretch was reached in the data of a fit; None for ring-downs, whose stretches are unknown."""
+    return None if isinstance(fit, RingDownRecord) else stretch <= fit.max_stretch + _SAME_STRETCH

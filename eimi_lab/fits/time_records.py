@@ -63,6 +63,10 @@ class RingDownRecord(LawRecord):
         """Return sentences on a fit to ring-downs: its datasets and the viscoelastic (Prony) law."""
         return [*(f"{dataset.in_words()}." for dataset in self.datasets), *time_lines(self.time)[1:]]
 
+    def stretch_in_words(self) -> str:
+        """Return sentences on the stretches in the data and on the limit of stability."""
+        return f"The stretches of the ring-downs are not determined. {self._stability_in_words()}"
+
 
 def time_lines(time: LawOfTime) -> list[str]:
     """Return lines on a viscoelastic (Prony) law: moduli, ring-downs, times, magnetic moment and uncertainties."""

@@ -56,7 +56,8 @@ class Validation(Record):
     stable : bool or None
         Whether the law is Drucker-stable at all stretches of this dataset; None without an equilibrium.
     within_fitted_stretch : bool or None
-        Whether all stretches of this dataset lie within those of the fit; None without an equilibrium.
+        Whether all stretches of this dataset lie within those of the fit; None without an equilibrium, and for a fit
+        to ring-downs, whose stretches are not determined.
     """
 
     dataset: str

@@ -79,10 +79,13 @@ def matrix(validations: Sequence[Validation]) -> list[str]:
 def error_in_words(v: Validation) -> str:
     """Return the mean error (µm) with its 95 % interval, such as `12.3 [11.0, 14.2]`.
 
-    `>` replaces an unknown upper end; without an interval, the status of the simulation is returned.
+    `>` replaces an unknown upper end. Without an interval, the error stands alone; without an error, the status of the
+    simulation is returned.
     """
-    if v.mean_error_mm is None or v.mean_error_interval_mm is None:
+    if v.mean_error_mm is None:
         return v.status
+    if v.mean_error_interval_mm is None:
+        return micrometres(v.mean_error_mm)
     low, high = v.mean_error_interval_mm
     return f"{micrometres(v.mean_error_mm)} [{micrometres(low)}, {'>' if high is None else micrometres(high)}]"
 
@@ -111,7 +114,7 @@ def _cells(v: Validation) -> tuple[str, ...]:
     notes = ["seen" if v.seen else "unseen"]
     if not v.stable:
         notes.append("not stable over these stretches")
-    if not v.within_fitted_stretch:
+    if v.within_fitted_stretch is False:
         notes.append("stretches beyond the data of the fit")
     return (*start, error_in_words(v), micrometres(v.mean_deviation_mm), f"{v.max_stretch:.3f}", ", ".join(notes))
 

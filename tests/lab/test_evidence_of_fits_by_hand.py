@@ -274,6 +274,8 @@ def test_a_validation_tells_whether_the_stretch_was_reached_in_the_fit(
     without = simulated_fit._validation(data, law, False, plain, None)
     assert (without.status, without.seen, without.by_state) == ("no equilibrium", False, ())
     assert (without.mean_error_mm, without.max_stretch, without.within_fitted_stretch) == (None, None, None)
+    monkeypatch.setattr(simulated_fit, "RingDownRecord", SimpleNamespace)
+    assert simulated_fit._validation(data, law, False, plain, misfit(1.0, 3.0)).within_fitted_stretch is None
 
 
 def test_the_error_of_a_prediction_includes_independent_and_shared_inputs(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -506,7 +506,9 @@ def test_lengths_and_kinds_of_fits_are_written_in_words() -> None:
     one.mean_error_interval_mm = (0.011, 0.1)
     assert validation_tables.error_in_words(one) == "12.0 [11.0, 100]"
     one.mean_error_interval_mm = None
-    assert validation_tables.error_in_words(one) == "ok"
+    assert validation_tables.error_in_words(one) == "12.0"
+    one.mean_error_mm, one.status = None, "no equilibrium"
+    assert validation_tables.error_in_words(one) == "no equilibrium"
     for kind, window, words in (("bending", None, "bending"), ("tensile", None, "tensile full"),
                                 ("tensile", 50.0, "tensile 50 %")):  # fmt: skip
         reference = FitReference(path="fits.json", index=0, kind=kind, window_percent=window)  # type: ignore[arg-type]

@@ -241,6 +241,8 @@ def test_the_fits_of_a_dataset_are_sorted_by_their_errors() -> None:
     assert lines[2].split(None, 3)[3] == "50.00 [49.00, 51.24]         12.3 [11.1, >]  2.10    1.235  unseen"
     assert lines[3].endswith("1.235  seen, not stable over these stretches, stretches beyond the data of the fit")
     assert lines[4].split(None, 3)[3].split("  ")[-1] == "no equilibrium"
+    (*_, ringing) = by_dataset([validation(0, "a.h5", 0.0456, mean_error_interval_mm=None, within_fitted_stretch=None)])
+    assert ringing.endswith("  45.6  2.10    1.235  unseen")
 
 
 def test_at_most_six_fits_stand_side_by_side_with_their_states_and_their_means() -> None:

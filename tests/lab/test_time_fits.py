@@ -18,6 +18,7 @@ from eimi_fitting.time.identification import NoRingDown
 from eimi_fitting.time.ringing import RingTable
 from eimi_fitting.time.ringing_beam import RingingBeam
 from eimi_lab.dataset.moving.stored_motions import GROUPS
+from eimi_lab.face.identifying import open_fits
 from eimi_lab.fits import time_fits
 
 Run = Callable[..., tuple[int, str]]
@@ -96,6 +97,9 @@ def test_a_flick_gives_the_dynamic_modulus_and_its_card_and_report(
     assert {"width", "noise", "air-mass"} <= {entry["source"] for entry in time["budget"]}
     assert fit["kind"] == "ring-down"
     fits = imported.parent / "fits.json"
+    (record,) = open_fits(fits)
+    assert "The stretches of the ring-downs are not determined." in record._repr_html_()
+    assert record.plot().axes[0].get_xlim() == (0.0, 10.0)
     card = imported.parent / "card.inp"
     code, message = run("export", fits, "--model", "neo-hookean", "--to", "abaqus", "--bulk-ratio", "1000", "-o", card)
     assert code == 0, message
@@ -105,7 +109,9 @@ def test_a_flick_gives_the_dynamic_modulus_and_its_card_and_report(
     assert "Viscoelastic law" in (imported.parent / "report.html").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize(("options", "section"), [((), "plane-stress"), (("--section", "plane-strain"), "plane-strain")])
+@pytest.mark.parametrize(
+    ("options", "section"), [((), "plane-stress"), (("--section", "plane-strain"), "plane-strain")]
+)
 def test_the_section_of_a_fit_is_also_that_of_its_ring_downs(
     run: Run, monkeypatch: pytest.MonkeyPatch, imported: Path, options: tuple[str, ...], section: str
 ) -> None:
@@ -143,7 +149,14 @@ def test_options_for_states_are_refused_in_a_fit_of_ring_downs_alone(
 ) -> None:
     monkeypatch.chdir(imported.parent)
     Path("curve.csv").write_text("strain,stress_kPa\n" + "".join(f"{e / 100},{e}\n" for e in range(1, 40)))
-    given = "--include-flagged", "--free width", "--prior mu=60000,500", "--tensile curve.csv", "--restarts 2", "--bipop"
+    given = (
+        "--include-flagged",
+        "--free width",
+        "--prior mu=60000,500",
+        "--tensile curve.csv",
+        "--restarts 2",
+        "--bipop",
+    )
     for option in (*given, "--bootstrap 9", "--checkpoint log.jsonl", "--resume"):
         fit = ("fit", "flick.h5", "--model", "neo-hookean", "--time", "prony", "-o", "fits.json")
         code, message = run(*fit, *option.split())
