@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from eimi_fitting.discovery.terms_of_a_law import Discovery
 from eimi_lab.config.protocol import Protocol
@@ -20,6 +20,8 @@ from eimi_lab.fits.validation import Validation, ValidationFile
 from eimi_lab.fits.validation_tables import by_dataset
 from eimi_lab.process.outputs import write_file
 from eimi_lab.showing.tables import html_table, installed
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, repr=False)
@@ -61,12 +63,14 @@ class Validations:
     def to_pandas(self) -> Any:
         """Return a pandas.DataFrame with one row for each dataset, fit and state (load step).
 
-        Raises ImportError if pandas is not installed.
+        A fit has its number and its law as its name, and also its file if fits of several files would have the same
+        name. Raises ImportError if pandas is not installed.
         """
-        tables = {
-            (validation.dataset, f"{validation.fit.index} {validation.model}"): validation.to_pandas()
-            for validation in self
-        }
+        names = _different(
+            [(one.dataset, f"{one.fit.index} {one.model}") for one in self],
+            [(one.dataset, f"{one.fit.path}:{one.fit.index} {one.model}") for one in self],
+        )
+        tables = {name: one.to_pandas() for name, one in zip(names, self, strict=True)}
         return installed("pandas").concat(tables, names=["dataset", "fit"])
 
     def write(self, path: str | Path, force: bool = False) -> Path:
@@ -84,13 +88,14 @@ class Validations:
         """
         from eimi_lab.fits.fit_figures import drawn_errors_of_several  # matplotlib is slow to import
 
+        names = _different(
+            [f"{one.model} on {Path(one.dataset).name}" for one in self],
+            [f"{one.fit.path}:{one.fit.index} {one.model} on {one.dataset}" for one in self],
+        )
         return drawn_errors_of_several(
             {
-                f"{validation.model} on {Path(validation.dataset).name}": (
-                    [state.field_mT for state in validation.by_state],
-                    [state.error_mm for state in validation.by_state],
-                )
-                for validation in self
+                name: ([state.field_mT for state in one.by_state], [state.error_mm for state in one.by_state])
+                for name, one in zip(names, self, strict=True)
             }
         )
 
@@ -99,6 +104,11 @@ class Validations:
 
     def _repr_html_(self) -> str:
         return "".join(validation._repr_html_() for validation in self)
+
+
+def _different(names: Sequence[T], longer: Sequence[T]) -> Sequence[T]:
+    """Return the names if they are all different, otherwise the longer names."""
+    return names if len(set(names)) == len(names) else longer
 
 
 @dataclass(frozen=True, repr=False)

@@ -30,7 +30,7 @@ def csv_text(rows: Iterable[Sequence[str]]) -> str:
 
 def data_frame(rows: Sequence[Mapping[str, Any]], index: str) -> Any:
     """Return rows as a pandas.DataFrame whose index is the column `index`. Raises ImportError without pandas."""
-    return installed("pandas").DataFrame(list(rows)).set_index(index)
+    return installed("pandas").DataFrame(list(rows), columns=None if rows else [index]).set_index(index)
 
 
 def installed(package: str) -> Any:

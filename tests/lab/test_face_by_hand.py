@@ -1036,7 +1036,9 @@ def test_comparisons_are_counted_and_drawn(called: Called) -> None:
             evidence=evidence[k // 2],
             residuals_mm=k,
             validation=SimpleNamespace(
-                model=f"law{k}", dataset=f"x/{k // 2}.h5", by_state=[state(0.5, k)], _repr_html_=lambda k=k: f"<{k}>"
+                **{"model": f"law{k}", "dataset": f"x/{k // 2}.h5", "by_state": [state(0.5, k)]},
+                fit=SimpleNamespace(path="fits.json", index=k),
+                _repr_html_=lambda k=k: f"<{k}>",
             ),
         )
         for k in range(4)

@@ -81,11 +81,11 @@ def test_a_fit_of_each_dataset_uses_its_own_motions(
 def test_datasets_that_are_fitted_separately_need_a_ring_down_each_but_not_one_specimen() -> None:
     beams = [evidence_of("a", True), evidence_of("b", True, "other beam")]
     assert recorded_motions.with_ring_downs(beams, each=True) == beams
-    with pytest.raises(InputError, match="^b: the specimen of this dataset differs from the specimen of a; "):
+    with pytest.raises(InputError, match=r"^b: the specimen of this dataset differs from the specimen of a; "):
         recorded_motions.with_ring_downs(beams)
     silent = [evidence_of("a", True), evidence_of("b", True, has_recording=False)]
     assert recorded_motions.with_ring_downs(silent) == silent
-    with pytest.raises(InputError, match="^b: --time prony: there is no ring-down; "):
+    with pytest.raises(InputError, match=r"^b: --time prony: there is no ring-down; "):
         recorded_motions.with_ring_downs(silent, each=True)
 
 

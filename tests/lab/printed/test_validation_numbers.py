@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from eimi_fitting.inference.evidence import corrections
 from eimi_fitting.inference.evidence.corrections import Correction, correction
 from eimi_fitting.inference.interval.draws import Draws
 from eimi_fitting.laws import LAWS
+from eimi_lab.face.results import Validations
 from eimi_lab.fits.evidence import Evidence
 from eimi_lab.fits.prediction import predict, validate
 from eimi_lab.fits.records import FitRecord
@@ -48,6 +50,35 @@ def test_tables_of_validations_are_in_micrometres_and_kilopascal(
     cells = re.findall(r"<td>(.*?)</td>", validation(fit)._repr_html_())
     assert cells[:4] == ["0", "0.000", "10", "2"]
     assert "mean error 20 µm" in validation(fit)._repr_html_()
+
+
+def comparisons(*validations: Validation) -> Validations:
+    given: Any = tuple(SimpleNamespace(validation=one) for one in validations)
+    return Validations(given)
+
+
+def test_comparisons_with_fits_of_several_files_keep_all_fits(
+    fit: FitRecord, validation: Callable[..., Validation]
+) -> None:
+    pytest.importorskip("pandas")
+    first, other = validation(fit), FitReference(path="b.json", index=0, kind="bending", window_percent=None)
+    table = comparisons(first, validation(fit, dataset="other.h5")).to_pandas()
+    assert list(table.index.unique("fit")) == ["0 neo-hookean"]
+    both = comparisons(first, validation(fit, fit=other, mean_error_mm=0.05))
+    table = both.to_pandas()
+    assert list(table.index.unique("fit")) == ["fits.json:0 neo-hookean", "b.json:0 neo-hookean"]
+    assert len(table) == 2 * len(first.by_state)
+    assert len(both.plot().axes[0].lines) == 2
+
+
+def test_comparisons_with_a_fit_without_an_equilibrium_are_a_table(
+    fit: FitRecord, validation: Callable[..., Validation]
+) -> None:
+    pytest.importorskip("pandas")
+    lost = validation(fit, dataset="lost.h5", status="no equilibrium", by_state=())
+    assert lost.to_pandas().empty
+    table = comparisons(validation(fit), lost).to_pandas()
+    assert list(table.index.unique("dataset")) == ["beam.h5"]
 
 
 def test_the_drawn_outline_is_that_of_the_finer_mesh(
