@@ -222,7 +222,8 @@ def plan(
     rig : str, Path or Rig
         Rig whose limits and uncertainties are used.
     states : int
-        Number of states; by default as in the protocol.
+        Number of states, at least 2; by default as in the protocol. With ``both_polarities`` an even number, at least
+        4.
     goal : str
         What the run should determine: ``"modulus"``, the name of a parameter, or the name of a law to rule out.
     model : str
@@ -247,7 +248,8 @@ def plan(
     Raises
     ------
     InputError
-        If a law, a goal or a file does not exist, or if the beam has an equilibrium in too few states.
+        If a law, a goal or a file does not exist, if ``states`` is no possible number, or if the beam has an
+        equilibrium in too few states.
     """
     path = output_of(output, files(fits, protocol, rig, *several(specimen)), force)
     base, bench = protocol_of(protocol), rig_of(rig)
@@ -255,7 +257,8 @@ def plan(
     fitted_laws = fits_of(fits)
     aim = planning.Goal.of(fitted_laws[0].path, [fitted_law.fit for fitted_law in fitted_laws], model, goal)
     choice = planning.mountings(beams, bench, several(gravity_angle), several(tip_weight), both_polarities)
-    runs = planning.plan(aim, choice, bench, base, states or len(base.currents_A))
+    count = planning.number_of_states(states, base, both_polarities)
+    runs = planning.plan(aim, choice, bench, base, count)
     planned = Plan(aim, tuple(runs), base)
     if path:
         planned.write(path, force)

@@ -206,6 +206,26 @@ def mountings(
     ]
 
 
+def number_of_states(given: int | None, protocol: Protocol, both_polarities: bool) -> int:
+    """Return the number of states (load steps) of a plan: the given number, or the number of the protocol.
+
+    A run with both signs of the current has an even number of states: an odd number of the protocol is one too many.
+
+    Raises
+    ------
+    InputError
+        If the number is too small, or if the given number is odd although both signs of the current are considered.
+    """
+    states = len(protocol.currents_A) if given is None else given
+    if states < FEWEST_STATES:
+        raise InputError(f"--states {states}: should be at least {FEWEST_STATES}")
+    if both_polarities and (states < 2 * FEWEST_STATES or (given is not None and states % 2)):
+        raise InputError(
+            f"--states {states}: with --both-polarities, should be an even number, at least {2 * FEWEST_STATES}"
+        )
+    return states
+
+
 def plan(goal: Goal, choices: Sequence[Mounting], rig: Rig, protocol: Protocol, states: int) -> list[PlannedRun]:
     """Choose the best states (load steps) for a goal in each mounting.
 

@@ -398,7 +398,7 @@ def test_a_run_is_planned(called: Called, monkeypatch: pytest.MonkeyPatch, tmp_p
         "p",
         "s",
         "r",
-        states=2,
+        states=4,
         goal="mu",
         model="yeoh",
         gravity_angle=90.0,
@@ -410,7 +410,7 @@ def test_a_run_is_planned(called: Called, monkeypatch: pytest.MonkeyPatch, tmp_p
     tail = {name: arguments for name, arguments, _ in calls}
     assert tail["of"] == (Path("f"), ["one", "two"], "yeoh", "mu")
     assert tail["mountings"] == (["beam s"], "rig", [90.0], [1.0, 2.0], True)
-    assert tail["plan"][4] == 2
+    assert tail["plan"][4] == 4
     assert written == [(tmp_path / "o", True)]
     with pytest.raises(InputError):
         using.plan("f.json", "p", str(tmp_path / "s"), "r", output=tmp_path / "s", force=True)

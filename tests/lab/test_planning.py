@@ -14,7 +14,7 @@ import pytest
 from eimi_fitting import LAWS, BeamModel, Experiment, Loads, PointObservation, Specimen, identify
 from eimi_fitting.inference.evidence.quantity import NORMAL_95
 from eimi_fitting.inference.planning.design_of_experiment import KnownLaw
-from eimi_lab.config.protocol import load_protocol
+from eimi_lab.config.protocol import Protocol, load_protocol
 from eimi_lab.config.rig import load_rig
 from eimi_lab.config.specimen import load_specimen
 from eimi_lab.dataset.state import State
@@ -25,6 +25,7 @@ from eimi_lab.fits.planned_ring_down import expected_ring_down
 from eimi_lab.fits.planning import Goal
 from eimi_lab.fits.records import FitRecord
 from eimi_lab.fits.states_used import StatesUsed
+from eimi_lab.process.errors import InputError
 
 ARGUMENTS = ("dragon_skin_10_quick", "--rig", "virtual")
 
@@ -115,12 +116,28 @@ def test_both_polarities_are_planned_where_the_direction_of_magnetisation_is_unc
     assert sum(protocol.currents_A) == pytest.approx(0.0)
 
 
+def test_a_plan_without_a_number_of_states_has_as_many_as_the_protocol() -> None:
+    protocol = cast("Protocol", SimpleNamespace(currents_A=(0.0, 0.1, 0.2, 0.3, 0.4)))
+    assert [planning.number_of_states(None, protocol, both) for both in (False, True)] == [5, 5]
+    assert planning.number_of_states(2, protocol, both_polarities=False) == 2
+    for few in (0, 1):
+        with pytest.raises(InputError, match=f"--states {few}: should be at least 2"):
+            planning.number_of_states(few, protocol, both_polarities=False)
+
+
 @pytest.mark.parametrize(
     ("more", "expected"),
     [
         (("--goal", "C10"), "--goal C10: should be modulus, one of neo-hookean's parameters (mu)"),
         (("--model", "yeoh"), "--model yeoh: should be one of neo-hookean"),
         (("--states", "99"), "--states 99: should be at most 41"),
+        *(
+            (
+                ("--states", few, "--both-polarities"),
+                f"--states {few}: with --both-polarities, should be an even number",
+            )
+            for few in ("2", "3", "5")
+        ),
     ],
 )
 def test_an_impossible_plan_is_refused_in_one_line(
