@@ -44,8 +44,9 @@ def init(
 def _states_of(folder: Path) -> str:
     """Return the text of a states.csv (table of load steps) with a row for each image, or with one example row."""
     from eimi_drivers.cameras.image_series import natural_key
+    from eimi_lab.showing.tables import csv_text
     from eimi_lab.vision.image_files import ENDINGS
 
     images = [file.name for file in folder.iterdir() if file.suffix.lower() in ENDINGS]
     rows = sorted(images, key=natural_key) or ["frame_0.png"]
-    return "frame,current_A\n" + "".join(f"{name},\n" for name in rows)
+    return csv_text([("frame", "current_A"), *((name, "") for name in rows)])

@@ -21,10 +21,10 @@ Run = Callable[..., tuple[int, str]]
 
 def test_files_to_fill_in(run: Run, tmp_path: Path, frame: Callable[..., np.ndarray]) -> None:
     # Template files are refused until their values are filled in; then an import accepts them.
-    for name in ("shot_10.png", "shot_9.png"):
+    for name in ("shot_10.png", "shot, 9.png"):
         cv2.imwrite(str(tmp_path / name), frame(9))
     assert run("init", tmp_path) == (0, "")
-    assert (tmp_path / "states.csv").read_text() == "frame,current_A\nshot_9.png,\nshot_10.png,\n"
+    assert (tmp_path / "states.csv").read_text() == 'frame,current_A\n"shot, 9.png",\nshot_10.png,\n'
     load_protocol(tmp_path / "protocol.toml")
     with pytest.raises(InputError, match=r"length_mm, .*width_mm, .*depth_mm, .*density_kg_m3 are missing"):
         load_specimen(tmp_path / "specimen.toml")
@@ -39,7 +39,7 @@ def test_files_to_fill_in(run: Run, tmp_path: Path, frame: Callable[..., np.ndar
         for key in re.findall(r"^# (\w+) = \?", text, re.MULTILINE):
             text = text.replace(f"# {key} = ?", f"{key} = {answers[key]}")
         (tmp_path / name).write_text(text)
-    (tmp_path / "states.csv").write_text("frame,current_A\nshot_9.png,0\nshot_10.png,0.1\n")
+    (tmp_path / "states.csv").write_text('frame,current_A\n"shot, 9.png",0\nshot_10.png,0.1\n')
     arguments = ["--states", tmp_path / "states.csv", "--specimen", tmp_path / "specimen.toml"]
     arguments += ["--calibration", tmp_path / "calibration.toml", "-o", tmp_path / "run.h5"]
     status, message = run("import", tmp_path, *arguments)
