@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
@@ -15,6 +16,7 @@ from eimi_lab.process.errors import InputError
 
 BENCH = "bench"
 """The argument of `eimi emulate` for all instruments of a rig together."""
+_MT_PER_A = 4.7
 
 
 def instruments(
@@ -147,7 +149,7 @@ def emulate(
     mT_per_A: Annotated[
         float,
         typer.Option("--mT-per-A", help="for an emulated gaussmeter: field of the coil, in mT for each ampere"),
-    ] = 4.7,
+    ] = _MT_PER_A,
     offset_mT: Annotated[
         float,
         typer.Option("--offset-mT", help="for an emulated gaussmeter: its reading without a current, in mT"),
@@ -188,7 +190,9 @@ def emulate(
     a supply, the sensors and a GigE camera, which shows the virtual beam in the field of the coil. The command also
     writes a rig file with the addresses of these instruments.
     """
+    of_gaussmeter = {"--coil": coil is not None, "--mT-per-A": mT_per_A != _MT_PER_A, "--offset-mT": offset_mT != 0.0}
     if supply == BENCH:
+        _refuse_unused(supply, {"--tcp": tcp is not None, "--without-coil": without_coil, **of_gaussmeter})
         _serve_bench(rig, specimen, output, force, fault, after, packet_loss)
         return
     if rig is not None or specimen is not None:
@@ -204,18 +208,27 @@ def emulate(
     if supply in SENSOR_DIALECTS:
         if fault is not None and fault not in SENSOR_FAULTS:
             raise InputError(f"--fault = {fault!r}: should be one of {', '.join(SENSOR_FAULTS)} for a sensor")
+        _refuse_unused(supply, {"--without-coil": without_coil, "--packet-loss": packet_loss > 0.0})
         begins = SENSOR_FAULTS[fault] if fault is not None else None
         EmulatedSensorSession(
             supply, tcp, coil, mT_per_A, offset_mT, begins, after, lambda text: print(text, flush=True)
         ).serve()
     if supply not in DIALECTS:
         raise InputError(f"SUPPLY = {supply!r} should be one of {', '.join([*DIALECTS, *SENSOR_DIALECTS])}")
+    _refuse_unused(supply, {"--packet-loss": packet_loss > 0.0, **of_gaussmeter})
     by_word = {each.word: each for each in Fault}
     if fault is not None and fault not in by_word:
         raise InputError(f"--fault = {fault!r} should be one of {', '.join(by_word)}")
     chosen = by_word[fault] if fault is not None else None
     coil_supply = CoilSupply(WallClock(), resistance_ohm=OPEN_OHM) if without_coil else None
     EmulatedSession(supply, tcp, chosen, after, lambda text: print(text, flush=True), coil=coil_supply).serve()
+
+
+def _refuse_unused(supply: str, given: Mapping[str, bool]) -> None:
+    """Raise InputError if an option is given that the emulation of a supply, a sensor or a bench does not use."""
+    for option, is_given in given.items():
+        if is_given:
+            raise InputError(f"{option}: is not used by `eimi emulate {supply}`; leave it out")
 
 
 def _serve_bench(

@@ -193,6 +193,19 @@ def test_emulate_serves_a_supply_a_sensor_or_a_bench(
         bench.emulate("korad", "rig")
     with pytest.raises(InputError, match="are only for `eimi emulate bench`"):
         bench.emulate("korad", specimen="s")
+    for instrument, option, given in (
+        ("korad", "--coil", {"coil": "c"}),
+        ("korad", "--mT-per-A", {"mT_per_A": 3.0}),
+        ("korad", "--offset-mT", {"offset_mT": -3.0}),
+        ("korad", "--packet-loss", {"packet_loss": 0.5}),
+        ("text-line", "--packet-loss", {"packet_loss": 0.5}),
+        ("text-line", "--without-coil", {"without_coil": True}),
+        ("bench", "--tcp", {"tcp": 0}),
+        ("bench", "--without-coil", {"without_coil": True}),
+        ("bench", "--coil", {"coil": "c"}),
+    ):
+        with pytest.raises(InputError, match=f"^{option}: is not used by `eimi emulate {instrument}`; leave it out"):
+            bench.emulate(instrument, **given)  # type: ignore[arg-type]
     assert sessions == []
     with pytest.raises(InputError):  # a real session of a sensor never ends
         bench.emulate("text-line", None, 1, "jump", 2.0, coil="c", mT_per_A=3.0, offset_mT=4.0)
