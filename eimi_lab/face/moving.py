@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -126,8 +127,11 @@ def import_motion(
     check_distinct(files(source, specimen, calibration), [path])
     refuse_existing(path, force)
     for name, value in (("rate", rate), ("exposure", exposure)):
-        if value is not None and value <= 0.0:
+        if value is not None and not 0.0 < value < math.inf:
             raise InputError(f"{source}: {name} = {value:g} should be greater than 0")
+    for name, weight_N in (("hanging", hanging), ("removed", removed)):
+        if not 0.0 <= weight_N < math.inf:
+            raise InputError(f"{source}: {name} = {weight_N:g} should be 0 or more")
     facts = MotionFacts(
         kind=kind,
         rate_Hz=rate,
