@@ -235,13 +235,18 @@ def fit(
     Raises
     ------
     InputError
-        If a law or option does not exist, or if no material explains the data.
+        If a law or option does not exist, if a list is empty, or if no material explains the data.
     """
     if isinstance(model, str) and (each or not isinstance(seed, int)):
         raise InputError(
             "fit: each = True (a fit for each dataset) and several seeds give several fits of a law; give the law as a "
             f"list, model = [{model!r}], to get all of them"
         )
+    for name, given in (("datasets", datasets), ("model", model), ("seed", seed)):
+        if not several(given):
+            raise InputError(f"fit: {name} is an empty list; give at least one element")
+    if min(several(seed)) < 0:
+        raise InputError(f"fit: seed = {min(several(seed))} should be 0 or more")
     options = FitOptions(
         section=section,
         include_flagged=include_flagged,

@@ -162,6 +162,11 @@ def test_a_fit_passes_everything_on(called: Called) -> None:
     for wrong in ({"each": True}, {"seed": [1, 2]}):
         with pytest.raises(InputError, match="give the law as a list, model = "):
             identifying.fit("d.h5", "yeoh", **wrong)  # type: ignore[call-overload]
+    for name in ("datasets", "model", "seed"):
+        with pytest.raises(InputError, match=f"^fit: {name} is an empty list; give at least one element"):
+            identifying.fit(**{"datasets": "d.h5", "model": ["yeoh"], name: []})  # type: ignore[call-overload]
+    with pytest.raises(InputError, match=r"^fit: seed = -1 should be 0 or more"):
+        identifying.fit("d.h5", ["yeoh"], seed=[4, -1])
 
 
 def test_fits_are_numbered_in_their_file_or_in_memory(called: Called) -> None:
