@@ -76,13 +76,13 @@ def simulate(
     specimen : str, Path or SpecimenFile
         The beam.
     model : str
-        Name of a law, which is a key of `LAWS`. It is not needed if ``fit`` contains only one law.
+        Name of a law, which is a key of `LAWS`. It is not needed if ``fit`` contains only one law, or with ``index``.
     parameter : mapping, or sequence of str
         Parameters of the law, moduli in Pa: ``{"mu": 46390.0}`` or ``["mu_Pa=46390"]``.
     fit : FitRecord, Fits, str or Path
         Fit that gives the parameters if ``parameter`` is not given.
     index : int
-        Number of the fit, from 0, if ``fit`` contains several fits.
+        Number of the fit, from 0, if ``fit`` contains several fits of the law.
     coil_constant : float
         Field at the magnet divided by the current, mT/A.
     gravity_angle, field_angle : float
@@ -108,6 +108,8 @@ def simulate(
     if fit is None:
         if model is None:
             raise InputError(f"simulate: model is missing; {suggestion('', LAWS)}")
+        if index is not None:
+            raise InputError(f"simulate: index = {index} is the number of a fit; leave it out, or give fit")
         (name,) = check_models([model])
         (law, values), drawn = parse_parameters(name, _parameter_texts(name, parameter)), None
     elif parameter:
@@ -115,9 +117,7 @@ def simulate(
     else:
         fitted_laws = fits_of(fit)
         records = [fitted_law.fit for fitted_law in fitted_laws]
-        name = model or records[0].model
-        given_index = index if index is not None or model or len(records) > 1 else 0
-        chosen = choose_fit(fitted_laws[0].path, records, name, given_index)
+        chosen = choose_fit(fitted_laws[0].path, records, _law_among(fitted_laws, model, index), index)
         law, values, drawn = LAWS[chosen.model], np.array(chosen.values()), chosen.drawn(_DRAWS)
     currents_A = protocol_of(protocol).currents_A if isinstance(protocol, str | Path | Protocol) else protocol
     field_mT = coil_constant * np.asarray(currents_A, dtype=float)
@@ -126,6 +126,19 @@ def simulate(
     if output is not None:
         result.write(output, force)
     return result
+
+
+def _law_among(fitted_laws: Sequence[FittedLaw], model: str | None, index: int | None) -> str:
+    """Return the name of the law to use: the given name, or the only law of the fits, or the law of one of the fits."""
+    laws = [fitted_law.fit.model for fitted_law in fitted_laws]
+    if model is not None:
+        return model
+    if index is not None and 0 <= index < len(laws):
+        return laws[index]
+    if len(set(laws)) > 1:
+        names = ", ".join(dict.fromkeys(laws))
+        raise InputError(f"{fitted_laws[0].path}: holds several laws; give --model with one of {names}")
+    return laws[0]
 
 
 def _parameter_texts(model: str, parameter: Mapping[str, float] | Sequence[str]) -> list[str]:
@@ -382,7 +395,7 @@ def export(
     fits : FitRecord, Fits, str or Path
         Fits of datasets or of a tensile test.
     model : str
-        Name of a law. It is not needed for a single fit.
+        Name of a law. It is not needed if ``fits`` contains only one law, or with ``index``.
     to : str
         Program that reads the card: ``"abaqus"``, ``"calculix"``, ``"ansys"``, ``"comsol"``, ``"febio"`` or
         ``"sofa"``.
@@ -424,6 +437,6 @@ def card_of(
     """Return the text of a material card and the fit that the card contains; for parameters and errors see `export`."""
     solver, fitted_laws = check_solver(to), fits_of(fits)
     records = [fitted_law.fit for fitted_law in fitted_laws]
-    (name,) = check_models([model or records[0].model])
+    (name,) = check_models([_law_among(fitted_laws, model, index)])
     chosen = choose_fit(fitted_laws[0].path, records, name, index)
     return card(fitted_laws[0].path, chosen, solver, bulk_modulus_Pa(chosen, bulk_modulus_kPa, bulk_ratio)), chosen

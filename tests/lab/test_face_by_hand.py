@@ -322,6 +322,8 @@ def test_simulate_takes_the_parameters_from_one_place(called: Called) -> None:
     assert written == [("o", True)]
     with pytest.raises(InputError, match="model is missing"):
         using.simulate([1.0], "s")
+    with pytest.raises(InputError, match=r"^simulate: index = 7 is the number of a fit; leave it out, or give fit"):
+        using.simulate([1.0], "s", "neo-hookean", parameter={"mu": 1.0}, index=7)
     with pytest.raises(InputError, match="fit and parameter both give the parameters"):
         using.simulate([1.0], "s", fit="f.json", parameter={"mu": 1.0})
     with pytest.raises(InputError, match=r"neo-hookean has no parameter 'nu'; .*mu"):
@@ -332,8 +334,9 @@ def test_simulate_takes_the_parameters_from_one_place(called: Called) -> None:
 @pytest.mark.parametrize(
     ("records", "model", "index", "asked"),
     [
-        (["yeoh"], None, None, ("yeoh", 0)),
-        (["yeoh", "ogden"], None, None, ("yeoh", None)),
+        (["yeoh"], None, None, ("yeoh", None)),
+        (["yeoh", "yeoh"], None, None, ("yeoh", None)),
+        (["yeoh", "ogden"], None, 1, ("ogden", 1)),
         (["yeoh", "ogden"], "ogden", None, ("ogden", None)),
         (["yeoh"], "yeoh", None, ("yeoh", None)),
         (["yeoh", "yeoh"], None, 1, ("yeoh", 1)),
@@ -463,15 +466,19 @@ def test_results_are_published_and_exported(called: Called, tmp_path: Path) -> N
     assert calls[-1] == ("archive_of", ([Path("r"), Path("s")], Path("o.eln")), keywords)
     fits = [
         SimpleNamespace(path=Path("f"), fit=SimpleNamespace(model="yeoh")),
-        SimpleNamespace(path=Path("g"), fit="x"),
+        SimpleNamespace(path=Path("g"), fit=SimpleNamespace(model="ogden")),
     ]
     called("eimi_lab.face.using.fits_of", fits)
     called("eimi_lab.face.using.choose_fit", "chosen")
     called("eimi_lab.face.using.bulk_modulus_Pa", 7.0)
     called("eimi_lab.face.using.card", "*CARD")
-    assert using.export("f.json", to="abaqus") == "*CARD"
+    with pytest.raises(InputError, match=r"^f: holds several laws; give --model with one of yeoh, ogden"):
+        using.export("f.json", to="abaqus")
+    with pytest.raises(InputError, match=r"^f: holds several laws; give --model with one of yeoh, ogden"):
+        using.simulate([1.0], "s", fit="f.json")
+    assert using.export("f.json", "yeoh", to="abaqus") == "*CARD"
     tail = {name: arguments for name, arguments, _ in calls}
-    assert tail["choose_fit"] == (Path("f"), [fits[0].fit, "x"], "yeoh", None)
+    assert tail["choose_fit"] == (Path("f"), [one.fit for one in fits], "yeoh", None)
     assert tail["bulk_modulus_Pa"] == ("chosen", None, None)
     assert tail["card"] == (Path("f"), "chosen", "abaqus", 7.0)
     using.export(
@@ -482,7 +489,7 @@ def test_results_are_published_and_exported(called: Called, tmp_path: Path) -> N
     assert tail["bulk_modulus_Pa"] == ("chosen", 3.0, 4.0)
     assert (tmp_path / "o").read_text() == "*CARD"
     with pytest.raises(InputError, match="exists"):
-        using.export("f.json", to="abaqus", output=tmp_path / "o")
+        using.export("f.json", "yeoh", to="abaqus", output=tmp_path / "o")
 
 
 def test_pictures_and_points_are_imported(called: Called, tmp_path: Path) -> None:
