@@ -293,7 +293,8 @@ def _stated(mounting: Mounting, rig: Rig) -> tuple[StatedSource, ...]:
 def _currents(rig: Rig, protocol: Protocol) -> Array:
     limit = protocol.limits.stricter(rig.supply.limits).current_A
     bipolar = not rig.simulated and is_bipolar(rig.supply.driver)
-    return np.round(np.linspace(-limit if bipolar else 0.0, limit, _GRID), 3)
+    rounded = np.round(np.linspace(-limit if bipolar else 0.0, limit, _GRID), 3)
+    return np.unique(np.clip(rounded, -limit, limit))
 
 
 def _planned(goal: Goal, mounting: Mounting, rig: Rig, currents_A: Array, states: int) -> PlannedRun | None:

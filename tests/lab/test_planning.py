@@ -178,6 +178,15 @@ def test_a_plan_obeys_the_stricter_of_the_two_current_limits(
     assert 0.4 < planned(fits, tmp_path, run, protocol_A, rig_A)[1] <= 0.5
 
 
+@pytest.mark.parametrize("limit_A", [1.0006, 0.01])
+def test_the_currents_of_a_plan_differ_and_obey_a_limit_between_whole_milliamperes(limit_A: float) -> None:
+    protocol = load_protocol("dragon_skin_10_quick")
+    limits = protocol.limits.model_copy(update={"current_A": limit_A})
+    currents_A = planning._currents(load_rig("virtual"), protocol.model_copy(update={"limits": limits}))
+    assert (currents_A[0], currents_A[-1]) == (0.0, limit_A)
+    assert (np.diff(currents_A) > 0).all()
+
+
 def test_the_uncertainty_of_the_current_is_in_the_expected_interval(fits: Path, run, tmp_path: Path) -> None:
     sure, unsure = (half_width(planned(fits, tmp_path, run, 1.6, 2.0, unsure_A)[0]) for unsure_A in (0.0, 0.05))
     # 0.05 A of 0.7 A changes the torque, and thus the modulus, by several per cent.
