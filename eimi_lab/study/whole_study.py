@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from eimi_lab.fits.records import package_versions
 from eimi_lab.fits.tensile_files import read_tensile
 from eimi_lab.process.progress import silent
 from eimi_lab.study.errors_by_route import errors_of
@@ -42,9 +43,14 @@ class StudyInputs:
         return StudyInputs(extent, seed, published_curves(tensile_data, extent.materials))
 
     def head(self) -> dict[str, Any]:
-        """Return the inputs of a study as a dictionary for JSON."""
+        """Return the inputs of a study, and the versions of the packages, as a dictionary for JSON."""
         digests = {key: hashlib.sha256(path.read_bytes()).hexdigest() for key, path in self.published.items()}
-        return {"extent": asdict(self.extent), "seed": self.seed, "published": digests}
+        return {
+            "extent": asdict(self.extent),
+            "seed": self.seed,
+            "published": digests,
+            "versions": package_versions(),
+        }
 
 
 @dataclass(frozen=True)

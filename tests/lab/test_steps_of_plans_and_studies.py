@@ -25,7 +25,7 @@ from eimi_lab.config.rig import load_rig
 from eimi_lab.config.specimen import load_specimen
 from eimi_lab.fits import discovering, planning
 from eimi_lab.fits.planning import Goal, Mounting, PlannedRun
-from eimi_lab.fits.records import FitRecord
+from eimi_lab.fits.records import FitRecord, package_versions
 from eimi_lab.process.errors import InputError
 from eimi_lab.study import observed, optimisers, routes, whole_study
 from eimi_lab.study.extent import Extent
@@ -428,6 +428,7 @@ def test_a_published_curve_is_fitted_after_the_simulated_one(monkeypatch: pytest
     assert head["published"] == {"dragon_skin_10": hashlib.sha256(b"numbers").hexdigest()}
     assert head["seed"] == 1
     assert head["extent"]["cases"] == 5
+    assert head["versions"] == package_versions()
 
 
 def test_a_law_fitted_to_bending_is_stored_with_its_search(monkeypatch: pytest.MonkeyPatch) -> None:
