@@ -17,6 +17,7 @@ from eimi_fitting.laws.prony import Prony
 from eimi_fitting.time.decay import Decay, RingMode
 from eimi_fitting.time.measured import Motion
 from eimi_fitting.time.ringing import RingTable
+from eimi_fitting.time.ringing_beam import NoEquilibrium, RingingBeam
 
 Array = NDArray[np.float64]
 
@@ -32,6 +33,7 @@ _LEAST_SAG = 0.02  # share of the length; a smaller sag is not used
 _REST_SHAPE = 0.005  # share of the length by which a beam that is stated as straight at rest may be bent or turned
 _BENT_BEAM = 0.1  # share of the length by which such a beam may be bent before its sag contradicts its vibration
 _SOFTER_AT_REST = 4.0  # largest ratio of the modulus in a vibration to the modulus at rest
+_STEP = 1.02  # ratio of two moduli whose difference gives the change of the sag with the modulus
 _SAG_ERROR = 0.02  # relative error of the modulus at rest, from the mesh and the places of the points
 
 
@@ -151,6 +153,8 @@ class Sag:
     # (m,): the sag with each modulus in ``moduli_Pa``, divided by the sag with the modulus that the frequency
     # suggests.
     ratios: Array
+    # (p, 2): positions (x, y) at rest of the points whose sag was measured.
+    rest_mm: Array
 
     @staticmethod
     def of(table: RingTable, motion: Motion, decay: Decay) -> Sag | None:
@@ -164,14 +168,11 @@ class Sag:
         if not points.any():
             return None
         places = np.where(late[..., None], motion.points_mm, 0.0).sum(axis=0)[points] / count[points, None]
-        moved = (places - motion.rest_mm[points])[:, 1]
-        beam, model = table.beam, table.beam.planar()
+        rest = motion.rest_mm[points]
+        moved = (places - rest)[:, 1]
         moduli = table.middle_Pa * np.geomspace(0.3, 3.0, 2 * _MODULI)
-        shapes = model.solve(beam.law, beam.parameters(moduli), beam.loads)
-        sound = shapes.status[:, 0] == 0
-        half = 0.5 * model.grid.strip.straight.width_mm
-        rest = np.clip(motion.rest_mm[points], [0.0, -half], [beam.specimen.length_mm, half])
-        sag = (model.positions(shapes, rest)[:, 0] - rest)[sound, :, 1]
+        sag, sound = _computed_sag(table.beam, moduli, rest)
+        sag = sag[sound]
         if not len(sag):
             return None
         # The computed sag is that with about the modulus of the measured frequency.
@@ -179,7 +180,7 @@ class Sag:
         size = float(middle @ middle)
         if not size:
             return None
-        return Sag(float(np.abs(middle).max()), float(moved @ middle / size), moduli[sound], sag @ middle / size)
+        return Sag(float(np.abs(middle).max()), float(moved @ middle / size), moduli[sound], sag @ middle / size, rest)
 
     def doubts(self, decay: Decay, length_mm: float) -> tuple[str, ...]:
         """Return a warning if the sag and the frequency of a beam contradict each other."""
@@ -194,6 +195,16 @@ class Sag:
         )
 
 
+def _computed_sag(beam: RingingBeam, moduli_Pa: Array, rest_mm: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the computed sag of points of a beam in mm, and whether the beam has an equilibrium."""
+    # For m shear moduli and p points with the positions ``rest_mm`` (p, 2) at rest: (m, p) and (m,).
+    model = beam.planar()
+    shapes = model.solve(beam.law, beam.parameters(moduli_Pa), beam.loads)
+    half = 0.5 * model.grid.strip.straight.width_mm
+    rest = np.clip(rest_mm, [0.0, -half], [beam.specimen.length_mm, half])
+    return (model.positions(shapes, rest)[:, 0] - rest)[..., 1], shapes.status[:, 0] == 0
+
+
 @dataclass(frozen=True)
 class RestEvidence:
     """The shear modulus of a beam at rest, from its sag under its own weight."""
@@ -202,6 +213,9 @@ class RestEvidence:
     modulus_Pa: float
     # Its relative standard uncertainty.
     sigma: float
+    # The beam, and the positions at rest (x, y) of the points whose sag was measured, (p, 2).
+    table: RingTable
+    rest_mm: Array
 
     @staticmethod
     def of(sag: Sag, table: RingTable) -> RestEvidence | None:
@@ -220,7 +234,7 @@ class RestEvidence:
         straight = _REST_SHAPE * table.beam.specimen.length_mm / sag.computed_mm
         # The sag is computed with the planar model.
         modulus = float(np.exp(log_modulus)) / table.planar_over_solid_modulus
-        return RestEvidence(modulus, float(np.hypot(_SAG_ERROR, at * straight)))
+        return RestEvidence(modulus, float(np.hypot(_SAG_ERROR, at * straight)), table, sag.rest_mm)
 
     def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
         """Return the residual between the shear modulus after 10⁴ s and the modulus from the sag, for many laws."""
@@ -229,8 +243,27 @@ class RestEvidence:
         return np.asarray(np.log(at_rest / self.modulus_Pa)[:, None] / self.sigma)
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return zeros: the influence of uncertain inputs on the sag is neglected."""
-        return {key: np.zeros((len(SOURCES[key].parts), 1)) for key in sources}
+        """Return the change of the residual if an uncertain input, such as the width, changes by its uncertainty."""
+        # ``sources``: the standard uncertainties of the inputs. The results are (components of the input, 1).
+        beam = self.table.beam
+        stiffer, before, softer = self._sag(beam, np.array([_STEP, 1.0, 1 / _STEP]))
+        slope = (stiffer - softer) / (2 * np.log(_STEP))
+        effects = {}
+        for key, sigma in sources.items():
+            change = np.zeros((len(SOURCES[key].parts), 1))
+            for part, changed in enumerate(beam.changed_by(key, sigma)):
+                moved = self._sag(changed, np.ones(1))[0] - before
+                change[part] = (moved @ slope) / (slope @ slope)
+            effects[key] = change / self.sigma
+        return effects
+
+    def _sag(self, beam: RingingBeam, factors: Array) -> Array:
+        """Return the computed sag of the measured points in mm, one row for each factor on the shear modulus."""
+        planar_Pa = self.modulus_Pa * self.table.planar_over_solid_modulus
+        sag, sound = _computed_sag(beam, planar_Pa * factors, self.rest_mm)
+        if not sound.all():
+            raise NoEquilibrium(f"the specimen has no stable equilibrium at a shear modulus of {planar_Pa:.3g} Pa")
+        return sag
 
 
 def with_scatter(rings: Sequence[RingEvidence]) -> tuple[RingEvidence, ...]:

@@ -234,17 +234,9 @@ class RingTable:
         return {key: self._effect(key, sigma, before) for key, sigma in sources.items()}
 
     def _effect(self, key: str, sigma: float, before: Array) -> Array:
-        source = SOURCES[key]
-        effect = np.zeros((len(source.parts), 3))
-        if sigma and (source.specimen or source.loads):
-            for part in range(len(source.parts)):
-                deviation = np.zeros(len(source.parts))
-                deviation[part] = sigma
-                effect[part] = np.log(self.beam.under({key: deviation}).undamped_Hz(self.middle_Pa)) - before
-        if source.field and sigma and self.beam.loads.field_T.any():
-            loads = self.beam.loads
-            changed = replace(self.beam, loads=replace(loads, field_T=loads.field_T * (1 + sigma)))
-            effect[0] = np.log(changed.undamped_Hz(self.middle_Pa)) - before
+        effect = np.zeros((len(SOURCES[key].parts), 3))
+        for part, beam in enumerate(self.beam.changed_by(key, sigma)):
+            effect[part] = np.log(beam.undamped_Hz(self.middle_Pa)) - before
         return effect
 
 

@@ -13,7 +13,7 @@ from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.solid_model import SolidModel
 from eimi_fitting.beam.specimen import STANDARD_GRAVITY, Specimen
 from eimi_fitting.beam.vibration import Vibration
-from eimi_fitting.inference.evidence.sources import loads_under, specimen_under
+from eimi_fitting.inference.evidence.sources import SOURCES, loads_under, specimen_under
 from eimi_fitting.laws.law import Law
 
 Array = NDArray[np.float64]
@@ -81,6 +81,16 @@ class RingingBeam:
         return replace(
             self, specimen=specimen_under(self.specimen, deviations), loads=loads_under(self.loads, deviations)
         )
+
+    def changed_by(self, key: str, sigma: float) -> tuple[RingingBeam, ...]:
+        """Return the beam with an input changed by its uncertainty, once for each component of the input."""
+        # ``key``, ``sigma``: the input, and its standard uncertainty. Empty if the input does not change the beam.
+        source = SOURCES[key]
+        if sigma and (source.specimen or source.loads):
+            return tuple(self.under({key: deviation}) for deviation in sigma * np.eye(len(source.parts)))
+        if sigma and source.field and self.loads.field_T.any():
+            return (replace(self, loads=replace(self.loads, field_T=self.loads.field_T * (1 + sigma))),)
+        return ()
 
     def modulus_at(self, frequency_Hz: float) -> float:
         """Find the shear modulus (Pa) for which the beam has a given lowest undamped frequency.

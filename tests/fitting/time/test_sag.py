@@ -1,0 +1,67 @@
+"""The sag of a level beam gives its modulus at rest, with the effects of uncertain inputs on this modulus."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from eimi_fitting import LAWS, Loads, Specimen
+from eimi_fitting.time.decay import Decay, RingMode
+from eimi_fitting.time.evidence import RestEvidence, Sag
+from eimi_fitting.time.measured import Motion
+from eimi_fitting.time.ringing import RingTable
+from eimi_fitting.time.ringing_beam import RingingBeam
+
+STRIP = Specimen(40.0, 4.0, 10.0, 1070.0, section="plane-stress")
+LEVEL = Loads.along([0.0], gravity_angle_deg=-90.0)
+ALONG_MM = np.array([8.0, 16.0, 24.0, 32.0, 38.0])
+ON_AXIS_MM = np.column_stack([ALONG_MM, np.zeros(5)])
+AT_REST_PA, VIBRATING_PA = 130e3, 150e3
+
+
+def beam_of(strip: Specimen, loads: Loads = LEVEL) -> RingingBeam:
+    return RingingBeam(strip, loads, LAWS["neo-hookean"], np.ones(1))
+
+
+def at_rest(beam: RingingBeam, rest_mm: np.ndarray) -> Motion:
+    # Return the motion of points of a beam that is bent by its weight, with the modulus at rest of the material.
+    model = beam.planar()
+    places = model.positions(model.solve(beam.law, np.array([[AT_REST_PA]]), beam.loads), rest_mm)[0]
+    time = np.repeat(np.arange(10.0)[:, None], len(rest_mm), axis=1)
+    return Motion("ring_down", np.repeat(places, 10, axis=0), rest_mm, time, np.full(time.shape, 0.01))
+
+
+def decay() -> Decay:
+    none, mode = np.zeros(0), RingMode(6.0, 0.1, np.diag([1e-6, 1e-6]))
+    return Decay("flick", (mode,), (), 0.0, 9.0, 1.0, 0.0, 0.0, none, none, none, none, 1.0)
+
+
+def rest_of(beam: RingingBeam, motion: Motion) -> RestEvidence:
+    table = RingTable(beam, VIBRATING_PA)
+    sag = Sag.of(table, motion, decay())
+    assert sag is not None
+    rest = RestEvidence.of(sag, table)
+    assert rest is not None
+    return rest
+
+
+@pytest.mark.parametrize(("source", "sigma"), [("width", 0.07), ("length", 0.2), ("gravity", 3.0)])
+def test_an_uncertain_input_changes_the_modulus_at_rest_as_an_analysis_with_the_other_input_does(
+    source: str, sigma: float
+) -> None:
+    beam = beam_of(STRIP, Loads.along([0.0], gravity_angle_deg=-60.0) if source == "gravity" else LEVEL)
+    motion = at_rest(beam, ON_AXIS_MM)
+    rest = rest_of(beam, motion)
+    more, less = (rest_of(beam.under({source: np.array([sign * sigma])}), motion) for sign in (1, -1))
+    expected = 0.5 * np.log(more.modulus_Pa / less.modulus_Pa)
+    (effect,) = rest.effects({source: sigma})[source][:, 0]
+    # The residual falls if the modulus from the sag rises.
+    assert -effect * rest.sigma == pytest.approx(expected, rel=0.05)
+    assert abs(expected) > 0.01
+
+
+def test_inputs_that_do_not_change_the_beam_have_no_effect_on_the_modulus_at_rest() -> None:
+    beam = beam_of(STRIP)
+    rest = rest_of(beam, at_rest(beam, ON_AXIS_MM))
+    effects = rest.effects({"clamp": 0.1, "moment": 0.02})
+    assert {key: values.tolist() for key, values in effects.items()} == {"clamp": [[0.0], [0.0]], "moment": [[0.0]]}
