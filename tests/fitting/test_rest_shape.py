@@ -68,6 +68,15 @@ def test_a_point_of_the_straight_strip_is_recovered_from_its_position_in_the_sha
     assert strip.straightened(strip.at_rest(points)) == pytest.approx(points, abs=1e-9)
 
 
+def test_a_point_beside_a_curved_strip_is_moved_to_its_edge():
+    strip = Strip(FINGER)
+    half = 0.5 * strip.straight.width_mm
+    straight = np.array([[10.0, half], [25.0, -half], [20.0, 0.2 * half]])
+    beside = strip.at_rest(straight * [1.0, 1.2])
+    beside[2] = strip.at_rest(straight)[2]  # a point of the strip stays where it is
+    assert strip.nearest(beside) == pytest.approx(strip.at_rest(straight), abs=1e-6)
+
+
 def test_a_mode_of_bending_moves_the_centre_line_by_its_amplitude():
     strip = Strip(with_modes(STRIP, (1.0,)))
     along = np.linspace(0, LENGTH, 7)

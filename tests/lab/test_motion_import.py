@@ -34,11 +34,11 @@ def swing(frames: int = 120) -> np.ndarray:
     return places
 
 
-def write_table(path: Path, places: np.ndarray, clock: str = "time_s") -> Path:
+def write_table(path: Path, places: np.ndarray, clock: str = "time_s", rest_mm: np.ndarray = REST_MM) -> Path:
     rows = [f"{clock},point,x0_mm,y0_mm,x_mm,y_mm,sigma_mm"]
     for k, frame in enumerate(places):
         at = k if clock == "frame" else f"{k / RATE_HZ:.4f}"
-        for name, rest, place in zip("ab", REST_MM, frame, strict=True):
+        for name, rest, place in zip("ab", rest_mm, frame, strict=True):
             if np.isfinite(place).all():
                 rows.append(f"{at},{name},{rest[0]},{rest[1]},{place[0]:.6f},{place[1]:.6f},0.01")
     path.write_text("\n".join(rows))
@@ -138,6 +138,19 @@ def test_a_marker_that_stands_a_little_off_the_beam_moves_with_its_nearest_point
     motion = ring_down(files)
     np.testing.assert_allclose(motion.rest_mm[1, 0], 10.0)
     np.testing.assert_allclose(np.diff(motion.points_mm[:, 1], axis=0), np.diff(places[-100:, 1], axis=0), atol=1e-3)
+
+
+def test_a_marker_of_a_beam_that_is_cast_with_a_bow_keeps_its_place_at_rest(run: Run, files: Path) -> None:
+    along = np.linspace(0.0, 10.0, 11)
+    rows = ", ".join(f"[{x:.4f}, {0.012 * x**2:.5f}]" for x in along)
+    text = (files / "specimen.toml").read_text()
+    (files / "specimen.toml").write_text(text.replace("[specimen]", f"[specimen]\nrest_shape = [{rows}]", 1))
+    rest = np.array([[5.0, 0.3], [9.8, 1.15]])
+    places = swing() + (rest - REST_MM)
+    table = write_table(files / "bow.csv", places, rest_mm=rest)
+    code, message = imported(run, files, table, "--ring-down")
+    assert code == 0, message
+    np.testing.assert_allclose(ring_down(files).rest_mm, rest, atol=1e-3)
 
 
 def test_markers_of_a_c3d_file_become_a_ring_down_and_a_state(run: Run, files: Path) -> None:

@@ -508,9 +508,9 @@ def followed(monkeypatch: pytest.MonkeyPatch, corrected: bool, seen: list[Any]) 
             raise InputError(f"{label}: no beam")
         return Film3()
 
-    def points(film: Any, calibration: Any, time_s: Any, row_time_s: float) -> Any:
+    def points(film: Any, calibration: Any, specimen: Any, time_s: Any, row_time_s: float) -> Any:
         times = time_s[:, None] + np.array([0.0, 0.05])
-        seen.append((calibration, row_time_s))
+        seen.append((calibration, specimen, row_time_s))
         return SimpleNamespace(
             points_mm=np.arange(12.0).reshape(3, 2, 2), rest_mm=np.ones((2, 2)), time_s=times, sigma_mm=0.1 * times
         )
@@ -544,7 +544,7 @@ def test_a_recorded_motion_begins_after_the_change_of_the_current(
     images = [2, 3, 4] if corrected else [1, 2, 3]
     assert seen == [
         (images, "calibration", "specimen", "run: state 1", "projection"),
-        ("calibration", 0.0),
+        ("calibration", "specimen", 0.0),
         (images, "calibration", "specimen", "unseen", "projection"),
     ]
     assert "note: unseen: no beam" in capsys.readouterr().err
@@ -696,7 +696,7 @@ def test_each_point_has_the_time_of_its_row() -> None:
     middle = np.stack([np.stack([16.0 + 8.0 * along, np.full(8, 16.0)], axis=-1)] * 2)
     middle[1, 2] = NAN
     shot = Film(along, middle, middle, middle)
-    found = filmed_motion.points_of_film(shot, made, np.array([10.0, 20.0]), 0.001, (2.0, 3.0, 5.0))
+    found = filmed_motion.points_of_film(shot, made, SPECIMEN, np.array([10.0, 20.0]), 0.001, (2.0, 3.0, 5.0))
     rows = 2.0 * middle[0, :, 0] + 3.0 * 16.0 + 5.0
     np.testing.assert_allclose(found.time_s[0], 10.0 + 0.001 * rows)
     seen = np.concatenate([rows, np.delete(rows, 2)])
@@ -704,7 +704,7 @@ def test_each_point_has_the_time_of_its_row() -> None:
     np.testing.assert_allclose(np.abs(found.points_mm[0]), np.stack([along, np.ones(8)], axis=-1), atol=1e-9)
     np.testing.assert_allclose(found.rest_mm, np.stack([along, np.zeros(8)], axis=-1))
     assert found.sigma_mm.shape == (2, 8)
-    plain = filmed_motion.points_of_film(shot, made, np.array([10.0, 20.0]))
+    plain = filmed_motion.points_of_film(shot, made, SPECIMEN, np.array([10.0, 20.0]))
     np.testing.assert_allclose(plain.time_s[1], 20.0)
 
 
@@ -872,8 +872,8 @@ def test_each_step_of_a_video_gets_the_results_of_the_steps_before(
         assert (called["SteadyView"][0].flat[0], called["SteadyView"][1]) == (1 + grey, "outline")
     assert ("SteadyView" in called) == tracked
     film_given, *more = called["points_of_film"]
-    assert (more[0], more[2:]) == (CLICKED, [0.25, (1.0, 2.0, 3.0)])
-    np.testing.assert_array_equal(more[1], bench.frame_s)
+    assert (more[:2], more[3:]) == ([CLICKED, SPECIMEN], [0.25, (1.0, 2.0, 3.0)])
+    np.testing.assert_array_equal(more[2], bench.frame_s)
     np.testing.assert_array_equal(film_given.along_mm, np.arange(12.0))
     np.testing.assert_array_equal(film_given.middle_px, bench.middle_px[:8])
     np.testing.assert_array_equal(film_given.left_px, bench.middle_px[:8] - 1.0)
@@ -909,7 +909,7 @@ def test_a_video_that_ends_early_has_the_times_of_its_frames(monkeypatch: pytest
     bench = Bench(monkeypatch, 9, True, True)
     bench.middle_px = bench.middle_px[:7]
     filmed_motion.read_video_motions(Path("v.mp4"), CLICKED, SPECIMEN, MotionFacts(kind="creep"))
-    film_given, _, frame_s, *_ = bench.called["points_of_film"]
+    film_given, _, _, frame_s, *_ = bench.called["points_of_film"]
     assert len(film_given.middle_px) == len(film_given.left_px) == len(film_given.right_px) == 7
     np.testing.assert_array_equal(frame_s, bench.frame_s[:7])
 

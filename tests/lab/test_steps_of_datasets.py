@@ -317,9 +317,9 @@ def test_a_recording_of_a_run_becomes_a_motion_after_its_step(
     step = points_before[2]
     given = (dataset, frames, "creep", step, points_before, 0.2, "projection", "a label")
     (motion,) = recorded_motion._followed(*given)  # type: ignore[arg-type]
-    images, (placed_film, calibration, frame_s, row_s) = asked
+    images, (placed_film, calibration, specimen, frame_s, row_s) = asked
     assert images == ([image + 10 * corrected for image in range(1, 6)], CALIBRATION, SPECIMEN, "a label", "projection")
-    assert (placed_film, calibration, row_s) == (film, CALIBRATION, row_time_s or 0.0)
+    assert (placed_film, calibration, specimen, row_s) == (film, CALIBRATION, SPECIMEN, row_time_s or 0.0)
     np.testing.assert_allclose(frame_s, [-0.1, 0.0, 0.2, 0.3], atol=1e-12)
     np.testing.assert_array_equal(motion.points_mm, points.points_mm[2:])
     np.testing.assert_array_equal(motion.time_s, times[2:])

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from eimi_fitting.beam.strip import Strip
 from eimi_fitting.time.measured import Motion
 from eimi_lab.config.calibration import Calibration
 from eimi_lab.config.specimen import SpecimenFile
@@ -60,6 +61,7 @@ class FilmedPoints:
 def points_of_film(
     film: Film,
     calibration: Calibration,
+    specimen: SpecimenFile,
     frame_s: Array,
     row_time_s: float = 0.0,
     rows: tuple[float, float, float] = (0.0, 1.0, 0.0),
@@ -74,6 +76,8 @@ def points_of_film(
         The film.
     calibration : Calibration
         The calibration of the film.
+    specimen : SpecimenFile
+        The specimen, whose shape at rest determines where the points are without a load.
     frame_s : ndarray, shape (n,)
         Time at which the first row of each of n frames was exposed, s.
     row_time_s : float
@@ -87,7 +91,7 @@ def points_of_film(
     time_s = frame_s[:, None] + row_time_s * np.where(np.isfinite(row), row, np.nanmean(row))
     return FilmedPoints(
         points_mm=middle,
-        rest_mm=np.column_stack([film.along_mm, np.zeros(len(film.along_mm))]),
+        rest_mm=Strip(specimen.mechanics()).at_rest(np.column_stack([film.along_mm, np.zeros(len(film.along_mm))])),
         time_s=time_s,
         sigma_mm=np.tile(film.sigma_mm(middle), (len(frame_s), 1)),
     )
@@ -159,7 +163,7 @@ def read_video_motions(
         with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # a point that was never seen
             rest_px = np.nanmedian(late, axis=0)
         calibration = with_measured_axis(calibration, rest_px, film.along_mm, facts.hanging_N > 0)
-    points = points_of_film(film, calibration, frame_s, facts.row_time_s, row_direction(path))
+    points = points_of_film(film, calibration, specimen, frame_s, facts.row_time_s, row_direction(path))
     motions = free_motions(points.points_mm, points.rest_mm, points.time_s, points.sigma_mm, facts, str(path))
     return VideoMotions(motions, calibration)
 

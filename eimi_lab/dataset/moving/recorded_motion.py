@@ -95,7 +95,8 @@ def _followed(
         tell(f"note: {error}")
         return
     row_time_s, exposure_s = dataset.camera_setting("row_time_s"), dataset.camera_setting("exposure_s")
-    points = points_of_film(film, calibration, frames.time_s[: len(film.middle_px)] - step.time_s, row_time_s or 0.0)
+    frame_s = frames.time_s[: len(film.middle_px)] - step.time_s
+    points = points_of_film(film, calibration, dataset.specimen, frame_s, row_time_s or 0.0)
     after = points.time_s.min(axis=1) > 0.0
     if not after.any():
         return

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from eimi_fitting.beam.strip import Strip
 from eimi_fitting.time.measured import Motion
 from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.dataset.moving.free_motion import free_motions
@@ -66,8 +67,7 @@ def read_tracked_motion(
             f"note: {source}: markers count as weightless, but each gram at the tip raises the dynamic modulus by "
             f"about {100 / moving_g:.2g} %; if their weight matters, give it with --hanging"
         )
-    half = 0.5 * beam.width_mm
-    rest = np.clip(placed.rest_mm[chosen], [0.0, -half], [beam.length_mm, half])
+    rest = Strip(specimen.mechanics()).nearest(placed.rest_mm[chosen])
     places = placed.places_mm[:, chosen] + (rest - placed.rest_mm[chosen])
     time_s = np.repeat(frame_s[:, None], len(chosen), axis=1)
     return free_motions(places, rest, time_s, placed.sigma_mm[:, chosen], facts, str(source))

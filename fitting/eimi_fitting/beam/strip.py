@@ -121,6 +121,13 @@ class Strip:
         before, after = self._lines_across(s)
         return np.column_stack([s, _rescaled(across, after, before)])
 
+    def nearest(self, places_mm: Array) -> Array:
+        """Return the points (x, y) of the unloaded specimen that are nearest to given points."""
+        # Points far beyond the ends of the specimen have no foot on the centre line.
+        places = np.clip(np.asarray(places_mm, float), [0.0, -np.inf], [self._length, np.inf])
+        half = 0.5 * self.straight.width_mm
+        return self.at_rest(np.clip(self.straightened(places), [0.0, -half], [self._length, half]))
+
     def _along_and_across(self, places: Array) -> tuple[Array, Array]:
         if not self._shape.turns:
             return places[:, 0], places[:, 1]

@@ -199,9 +199,8 @@ def _computed_sag(beam: RingingBeam, moduli_Pa: Array, rest_mm: Array) -> tuple[
     """Return the computed sag of points of a beam in mm, and whether the beam has an equilibrium."""
     # For m shear moduli and p points with the positions ``rest_mm`` (p, 2) at rest: (m, p) and (m,).
     model = beam.planar()
+    rest = model.grid.strip.nearest(rest_mm)
     shapes = model.solve(beam.law, beam.parameters(moduli_Pa), beam.loads)
-    half = 0.5 * model.grid.strip.straight.width_mm
-    rest = np.clip(rest_mm, [0.0, -half], [beam.specimen.length_mm, half])
     return (model.positions(shapes, rest)[:, 0] - rest)[..., 1], shapes.status[:, 0] == 0
 
 

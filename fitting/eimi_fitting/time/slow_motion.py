@@ -35,7 +35,7 @@ def displacement_per_rad(beam: RingingBeam, modulus_Pa: float, loads: Loads, bef
     # ``loads``, ``before``: the loads after and before a step. ``rest_mm`` (p, 2): positions (x, y) of the points at
     # rest. The result is (p, 2) in mm per rad.
     model = beam.planar()
-    places = _moved_onto_beam(beam, rest_mm)
+    places = model.grid.strip.nearest(rest_mm)
 
     def difference(
         moduli: Array, of_loads: Loads, states: tuple[int, int], rows: tuple[int, int]
@@ -66,7 +66,7 @@ def shown_rotations(
     # ``modulus_Pa``: a typical shear modulus; the equilibria are those of softer and stiffer beams. ``rest_mm`` (p, 2):
     # positions (x, y) of p points at rest. ``per_rad_mm`` (p, 2): their displacements for a rotation by one rad.
     model = beam.planar()
-    places = _moved_onto_beam(beam, rest_mm)
+    places = model.grid.strip.nearest(rest_mm)
     moduli = modulus_Pa * np.geomspace(0.4, 2.5, _SHAPES)
     shapes = model.solve(beam.law, beam.parameters(moduli), beam.loads)
     sound = shapes.status[:, 0] == 0
@@ -85,7 +85,8 @@ def shown_rotations(
 def modulus_in_pictures(beam: RingingBeam, modulus_Pa: float, motion: Motion) -> float:
     """Find the shear modulus (Pa) for which the computed beam is bent as far as the recorded beam."""
     # ``modulus_Pa``: a typical shear modulus, which is returned if the frames do not determine a modulus.
-    model, places = beam.planar(), _moved_onto_beam(beam, motion.rest_mm)
+    model = beam.planar()
+    places = model.grid.strip.nearest(motion.rest_mm)
     # A beam that creeps is softer than one that vibrates.
     moduli = modulus_Pa * np.geomspace(*_SEEN_RANGE, _SHAPES)
     shapes = model.solve(beam.law, beam.parameters(moduli), beam.loads)
@@ -104,14 +105,6 @@ def modulus_in_pictures(beam: RingingBeam, modulus_Pa: float, motion: Motion) ->
     fine = np.linspace(logs[0], logs[-1], _NODES)
     gaps = scipy.interpolate.CubicSpline(logs, computed)(fine) - moved
     return float(np.exp(fine[np.argmin((gaps**2).sum(axis=(1, 2)))]))
-
-
-def _moved_onto_beam(beam: RingingBeam, rest_mm: Array) -> Array:
-    # Points outside the beam at rest are moved to its edge.
-    grid = beam.planar().grid
-    straight = grid.straightened(np.clip(rest_mm, [0.0, -np.inf], [beam.specimen.length_mm, np.inf]))
-    half = 0.5 * grid.strip.straight.width_mm
-    return np.asarray(grid.strip.at_rest(np.clip(straight, [0.0, -half], [beam.specimen.length_mm, half])))
 
 
 def slow_rotations(

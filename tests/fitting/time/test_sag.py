@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from eimi_fitting import LAWS, Loads, Specimen
+from eimi_fitting.beam.rest_shape import RestShape, centre_line
+from eimi_fitting.beam.strip import Strip
 from eimi_fitting.time.decay import Decay, RingMode
 from eimi_fitting.time.evidence import RestEvidence, Sag
 from eimi_fitting.time.measured import Motion
@@ -65,3 +69,19 @@ def test_inputs_that_do_not_change_the_beam_have_no_effect_on_the_modulus_at_res
     rest = rest_of(beam, at_rest(beam, ON_AXIS_MM))
     effects = rest.effects({"clamp": 0.1, "moment": 0.02})
     assert {key: values.tolist() for key, values in effects.items()} == {"clamp": [[0.0], [0.0]], "moment": [[0.0]]}
+
+
+def bowed(bow_mm: float) -> Specimen:
+    # Return the strip, cast with a bow: its tip at rest is this far above the axis of the clamp.
+    along = np.linspace(0.0, 40.0, 21)
+    x = along * (1 - 2 / 3 * (bow_mm * along / 40.0**2) ** 2)
+    line = centre_line(np.column_stack([x, bow_mm * (along / 40.0) ** 2]), 40.0)
+    return replace(STRIP, rest_shape=RestShape(line, (), ()))
+
+
+@pytest.mark.parametrize("bow_mm", [-1.0, 3.0, 6.0])
+def test_a_strip_that_is_cast_with_a_bow_has_its_own_modulus_at_rest(bow_mm: float) -> None:
+    strip = bowed(bow_mm)
+    beam = beam_of(strip)
+    rest = rest_of(beam, at_rest(beam, Strip(strip).at_rest(ON_AXIS_MM)))
+    assert rest.modulus_Pa == pytest.approx(AT_REST_PA, rel=0.01)

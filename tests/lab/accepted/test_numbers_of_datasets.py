@@ -96,7 +96,7 @@ def described_films() -> Iterator[str]:
     middle[..., 1] = 41.0 + 8.0 * np.sin(1.3) * along + random.normal(0.0, 0.4, (9, 11))
     middle[2, 4] = np.nan
     film = Film(along, middle, middle - 5.0, middle + 5.0)
-    points = points_of_film(film, TILTED, 0.02 * np.arange(9) ** 1.1, 2e-5, (0.3, 0.9, 12.0))
+    points = points_of_film(film, TILTED, SPECIMEN, 0.02 * np.arange(9) ** 1.1, 2e-5, (0.3, 0.9, 12.0))
     yield from described(points, "points")
     facts = {"rate": MotionFacts(kind="ring_down", exposure_s=0.004, hanging_N=0.1), "creep": MotionFacts(kind="creep")}
     facts["released"] = MotionFacts(kind="ring_down", released_s=0.33, removed_N=0.05)
