@@ -72,7 +72,6 @@ def time_lines(time: LawOfTime) -> list[str]:
     """Return lines on a viscoelastic (Prony) law: moduli, ring-downs, times, magnetic moment and uncertainties."""
     modulus = time.dynamic_shear_modulus
     terms = ", ".join(f"g = {term.g:.3g} with tau = {term.tau_s:.3g} s" for term in time.prony)
-    low, high = time.known_between_s
     lines = [
         f"dynamic shear modulus {in_words(modulus.value, modulus.interval_95)} at {time.frequency_Hz:.3f} Hz, "
         f"loss factor {time.loss_factor:.3f} [{time.loss_interval_95[0]:.3f}, {time.loss_interval_95[1]:.3f}]",
@@ -85,10 +84,7 @@ def time_lines(time: LawOfTime) -> list[str]:
         f"Prony series of {len(time.prony)} term{'' if len(time.prony) == 1 else 's'}: {terms}",
         _extent("instantaneous shear modulus", time.instantaneous_shear_modulus),
         _extent("long-term shear modulus", time.long_term_shear_modulus),
-        (
-            f"the data determine the shear modulus with an error of at most 5 % at times from {low:.2g} to {high:.2g} "
-            "s after a sudden strain"
-        ),
+        _known_in_words(time.known_between_s),
     ]
     if time.moment is not None:
         low, high = time.moment.interval_95
@@ -105,6 +101,15 @@ def time_lines(time: LawOfTime) -> list[str]:
         if entry.effect_percent > 0:
             lines.append(f"source of uncertainty {entry.words}: ± {entry.effect_percent:.2g} % of the dynamic modulus")
     return [*lines, *(f"doubt: {words}" for words in time.doubts)]
+
+
+def _known_in_words(between_s: tuple[float, float] | None) -> str:
+    if between_s is None:
+        return "the data determine the shear modulus at no time with an error of at most 5 %"
+    return (
+        f"the data determine the shear modulus with an error of at most 5 % at times from {between_s[0]:.2g} to "
+        f"{between_s[1]:.2g} s after a sudden strain"
+    )
 
 
 def _extent(name: str, quantity: Any) -> str:

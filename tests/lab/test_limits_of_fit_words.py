@@ -671,5 +671,8 @@ def test_the_lines_of_a_viscoelastic_law_name_its_terms_its_moment_and_five_sour
         ),
         "doubt: the hand touched it",
     ]
-    time.static_age_s = None
+    time.static_age_s, time.known_between_s = None, None
     assert "together: 1.020" in time_records.time_lines(time)[6]
+    assert time_records.time_lines(time)[5] == (
+        "the data determine the shear modulus at no time with an error of at most 5 %"
+    )

@@ -48,7 +48,8 @@ def _picture(time: LawOfTime, label: str) -> Picture:
     low, high = np.array([point.interval_95 for point in time.modulus_by_time]).T
     modulus.fill_between(times, 1e-3 * low, 1e-3 * high, alpha=0.3)
     modulus.plot(times, [1e-3 * point.value for point in time.modulus_by_time])
-    modulus.axvspan(*time.known_between_s, color="#999999", alpha=0.15)
+    if time.known_between_s:
+        modulus.axvspan(*time.known_between_s, color="#999999", alpha=0.15)
     modulus.set_xscale("log")
     modulus.set_xlabel("time after a sudden strain, s")
     modulus.set_ylabel("shear modulus, kPa")

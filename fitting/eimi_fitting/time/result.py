@@ -111,8 +111,8 @@ class LawOfTime:
     # times.
     instantaneous_shear_modulus: Quantity
     long_term_shear_modulus: Quantity
-    # Range of times in which the data determine mu(t) to 5 %.
-    known_between_s: tuple[float, float]
+    # Range of times in which the data determine mu(t) to 5 %; None if they determine it to 5 % at no time.
+    known_between_s: tuple[float, float] | None
     # Factor on the given magnetic moment with which static states and motions give the same modulus.
     moment: Quantity | None
     # Median time from a static load to the measurement of the edges.
@@ -292,17 +292,20 @@ def _interval(value: float, drawn: Array) -> tuple[float, float]:
     return float(min(low, value)), float(max(high, value))
 
 
-def _known_between(curves: Array, start_s: float, data_s: tuple[float, float]) -> tuple[float, float]:
-    """Return the range of times around ``start_s`` in which the data determine the modulus to 5 %."""
-    # ``curves`` (D, m): the modulus at m times for D random draws.
-    half_width = NORMAL_95 * np.log(np.maximum(curves, 1e-3)).std(axis=0)
+def _known_between(curves: Array, start_s: float, data_s: tuple[float, float]) -> tuple[float, float] | None:
+    """Return the range of times in which the data determine the modulus to 5 %, or None."""
+    # ``curves`` (D, m): the modulus at m times for D random draws. Of several ranges, the result is the one around
+    # ``start_s``, or else the longest one.
+    is_known = NORMAL_95 * np.log(np.maximum(curves, 1e-3)).std(axis=0) < _KNOWN
     here = int(np.argmin(np.abs(np.log(_CURVE / start_s))))
-    first = last = here
-    while first > 0 and half_width[first - 1] < _KNOWN:
-        first -= 1
-    while last < len(_CURVE) - 1 and half_width[last + 1] < _KNOWN:
-        last += 1
-    return max(float(_CURVE[first]), data_s[0]), min(float(_CURVE[last]), data_s[1])
+    runs = np.split(np.arange(len(_CURVE)), np.flatnonzero(np.diff(is_known)) + 1)
+    ranges = [
+        (here in run, max(float(_CURVE[run[0]]), data_s[0]), min(float(_CURVE[run[-1]]), data_s[1]))
+        for run in runs
+        if is_known[run[0]]
+    ]
+    _, first_s, last_s = max(ranges, key=lambda one: (one[0], one[2] / one[1]), default=(False, np.inf, 0.0))
+    return (first_s, last_s) if first_s <= last_s else None
 
 
 def _ring_down(ring: RingEvidence) -> RingDown:

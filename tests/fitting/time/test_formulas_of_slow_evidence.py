@@ -346,7 +346,7 @@ def test_the_known_range_ends_where_the_interval_of_the_modulus_exceeds_a_twenti
     curve_s = np.geomspace(1e-3, 1e3, 61)
     signs = np.array([1.0, -1.0])[:, None]
 
-    def known(half_widths: np.ndarray, start_s: float, data_s: tuple[float, float]) -> tuple[float, float]:
+    def known(half_widths: np.ndarray, start_s: float, data_s: tuple[float, float]) -> Any:
         return result._known_between(np.exp(signs * half_widths / NORMAL_95), start_s, data_s)
 
     widths = np.full(61, 0.049)
@@ -354,7 +354,13 @@ def test_the_known_range_ends_where_the_interval_of_the_modulus_exceeds_a_twenti
     assert known(widths, 1.0, (1e-3, 1e3)) == pytest.approx((curve_s[11], curve_s[50]))
     assert known(widths, 1.0, (0.1, 7.0)) == pytest.approx((0.1, 7.0))
     assert known(np.full(61, 0.01), 1.0, (0.0, 1e9)) == pytest.approx((1e-3, 1e3))
-    assert known(np.full(61, 1.0), 1.01, (0.0, 1e9)) == pytest.approx((1.0, 1.0))
+    assert known(np.full(61, 1.0), 1.01, (0.0, 1e9)) is None
+    widths[11:40], widths[30] = 1.0, 0.049
+    assert known(widths, 1.0, (1e-3, 1e3)) == pytest.approx((curve_s[30], curve_s[30]))
+    # If the modulus is not known at the time of the vibration, the longest range within the data counts.
+    assert known(widths, 0.1, (1e-3, 1e3)) == pytest.approx((curve_s[40], curve_s[50]))
+    assert known(widths, 0.1, (1e-3, 5.0)) == pytest.approx((curve_s[30], curve_s[30]))
+    assert known(widths, 0.1, (1e-3, 0.5)) is None
 
 
 def test_intervals_factors_and_gains() -> None:

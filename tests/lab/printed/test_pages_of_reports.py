@@ -258,6 +258,10 @@ def test_the_law_of_time_is_drawn_as_accepted(monkeypatch: pytest.MonkeyPatch, t
     lines = [" ".join(line.split()) for line in described(values, "time")]
     check(lines, f"law_of_time_{creeps}.txt", tmp_path, 2e-3, 1e-6)
     assert law_of_time._values(SimpleNamespace(laws_of_time=[])) is None  # type: ignore[arg-type]
+    assert sum("patch #999999" in line for line in lines) == 1  # the range of times in which the modulus is known
+    time.known_between_s = None
+    undetermined = law_of_time._values(SimpleNamespace(laws_of_time=[("yeoh, fits.json", time)]))  # type: ignore[arg-type]
+    assert not any("patch #999999" in line for line in described(undetermined, "time"))
 
 
 def fit_with(*doubts: str) -> Any:
