@@ -271,8 +271,15 @@ def _envelope(signals: Signals, frequency: float) -> tuple[Array, Array]:
     f = np.fft.fftfreq(3 * n, uniform[1] - uniform[0])
     window = np.exp(-0.5 * ((f - frequency) / (0.25 * frequency)) ** 2) * (f > 0)
     analytic = 2 * np.fft.ifft(spectrum * window[:, None], axis=0)[n : 2 * n]
-    in_mm = np.abs(analytic @ signals.patterns) * signals.sigma_mm
-    return uniform, np.asarray(in_mm.max(axis=1))
+    size = np.asarray((np.abs(analytic @ signals.patterns) * signals.sigma_mm).max(axis=1))
+    # The straight lines in long gaps contain no vibration. There, and within one period of a gap, the result is the
+    # amplitude before the gap.
+    period_s = 1 / frequency
+    for k in np.flatnonzero(np.diff(signals.time_s) > period_s):
+        ends_s = signals.time_s[[k, k, k + 1]] + [-period_s, 0.0, period_s]
+        first, gap, last = np.searchsorted(uniform, ends_s)
+        size[first:last] = size[first : gap + 1].max()
+    return uniform, size
 
 
 def _segment(

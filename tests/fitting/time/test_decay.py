@@ -80,6 +80,32 @@ def test_points_that_are_hidden_for_several_periods_do_not_change_the_loss() -> 
     assert not result.doubts
 
 
+def without_frames(motion: Motion, first: int, last: int) -> Motion:
+    # Return a recording in which no point is seen in the frames from `first` to before `last`.
+    places = motion.points_mm.copy()
+    places[first:last] = np.nan
+    return replace(motion, points_mm=places)
+
+
+@pytest.mark.parametrize(("first", "last"), [(5, 30), (20, 40), (20, 60), (60, 120)])
+def test_the_frames_after_a_gap_of_a_recording_are_used(first: int, last: int) -> None:
+    result = decay(without_frames(recorded(loss=0.06), first, last))
+    assert result.modes[0].frequency_Hz == pytest.approx(5.48, rel=1e-3)
+    assert result.modes[0].loss == pytest.approx(0.06, rel=0.02)
+    assert result.to_s > 4.0
+    assert not result.doubts
+
+
+def test_a_push_in_a_gap_of_a_recording_ends_the_part_that_is_used() -> None:
+    motion = recorded(loss=0.1, seconds=5.0)
+    again = np.where(motion.time_s[:, 0] > 2.5, 1.0, 0.0)
+    again[150:] *= recorded(loss=0.1, seconds=2.5, seed=1).points_mm[:, -1, 1]
+    result = decay(without_frames(disturbed(motion, again), 150, 170))
+    assert result.to_s < 2.5
+    assert "something moves the beam again at" in result.doubts[0]
+    assert result.modes[0].loss == pytest.approx(0.1, rel=0.02)
+
+
 def test_amplitudes_above_five_per_cent_of_the_length_are_left_out_and_reported() -> None:
     result = decay(recorded(amplitude_mm=9.0))
     assert result.amplitude_mm < 0.055 * LENGTH_MM
