@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from eimi_fitting.inference.evidence.quantity import Quantity
+from eimi_fitting.inference.evidence.sources import StatedSource
 from eimi_fitting.laws import LAWS
 from eimi_fitting.laws.stability import LARGEST_STRETCH_CHECKED, stable_up_to
 from eimi_fitting.time.identification import LawOfTime, NoEquilibrium, NoRingDown, StaticStates, identify_time
@@ -97,6 +98,15 @@ def _identified(
     specimen = motions[0].specimen
     recorded = [motion for dataset in motions for motion in dataset.motions]
     try:
-        return identify_time(LAWS[model], shape, specimen, recorded, motions[0].stated, static, seed=seed)
+        return identify_time(LAWS[model], shape, specimen, recorded, _stated(motions), static, seed=seed)
     except (NoRingDown, NoEquilibrium) as error:
         raise InputError(f"{paths}: --time prony: {error}") from error
+
+
+def _stated(motions: Sequence[MotionEvidence]) -> tuple[StatedSource, ...]:
+    """Return the uncertain inputs of all datasets; if datasets state different uncertainties, the largest counts."""
+    stated = [source for dataset in motions for source in dataset.stated]
+    return tuple(
+        max((one for one in stated if one.source == key), key=lambda one: one.standard_uncertainty)
+        for key in dict.fromkeys(one.source for one in stated)
+    )

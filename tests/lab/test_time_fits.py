@@ -184,3 +184,21 @@ def test_datasets_of_different_specimens_are_not_fitted_together(run: Run, impor
     code, message = run("fit", *datasets, "--model", "neo-hookean", "--time", "prony", "-o", folder / "fits.json")
     assert code == 2
     assert "longer.h5: the specimen of this dataset differs from the specimen of" in message
+
+
+def test_the_largest_uncertainty_of_an_input_counts_in_a_fit_of_several_datasets(
+    run: Run, imported: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder, used = imported.parent, []
+
+    def identify_time(*given: Any, **options: Any) -> None:
+        used.append({source.source: source.standard_uncertainty for source in given[4]})
+        raise NoRingDown("no fit is needed here")
+
+    monkeypatch.setattr(time_fits, "identify_time", identify_time)
+    (folder / "strip.toml").write_text(SPECIMEN.replace("width_mm = 0.03\n", "").replace("= 0.1\n", "= 0.2\n"))
+    options = ("--ring-down", "--specimen", folder / "strip.toml", "--gravity-angle", "-90")
+    assert run("import", folder / "flick.csv", *options, "-o", folder / "other.h5")[0] == 0
+    for datasets in ((folder / "other.h5", imported), (imported, folder / "other.h5")):
+        run("fit", *datasets, "--model", "neo-hookean", "--time", "prony", "-o", folder / "fits.json")
+    assert used == [{"length": 0.2, "width": 0.03, "depth": 0.05, "density": 5.0}] * 2
