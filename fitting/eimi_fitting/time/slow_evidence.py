@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -62,7 +62,8 @@ class LoadHistory:
 def _stiffness_of_gravity(beam: RingingBeam, modulus_Pa: float) -> float:
     """Return the stiffness of a beam that is due to gravity, as an equivalent shear modulus in Pa."""
     # ``modulus_Pa``: a shear modulus near the true one.
-    motion, _ = beam.vibration(beam.planar()).about(beam.law, beam.parameters(np.array([modulus_Pa])), beam.loads)
+    loads = replace(beam.loads, field_T=np.zeros_like(beam.loads.field_T))
+    motion, _ = beam.vibration(beam.planar()).about(beam.law, beam.parameters(np.array([modulus_Pa])), loads)
     return float(modulus_Pa * motion.rest[0, 0, 0] / motion.material[0, 0, 0])
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
@@ -68,3 +69,13 @@ def test_a_factor_on_the_magnetic_loads_leaves_gravity_unchanged(beam: RingingBe
     (found,) = nominal.rotations(INSTANTANEOUS_PA, SERIES, np.array([stronger]))
     (of_stronger,) = expected.rotations(INSTANTANEOUS_PA, SERIES, np.ones(1))
     assert found == pytest.approx(of_stronger, rel=5e-4)
+
+
+def test_a_beam_returns_without_a_field_in_the_same_way_whatever_field_acted_first(beam: RingingBeam) -> None:
+    curves = []
+    for first_mT in (0.0, 7.0):
+        in_field = replace(beam, loads=Loads.along([first_mT]))
+        steps = LoadHistory.of(in_field, AT_REST_PA, Loads.along([7.0, 0.0]), [0.0, 30.0]).steps
+        curves.append(steps[1].curve)
+    assert curves[1].moment == pytest.approx(curves[0].moment, rel=1e-9)
+    assert curves[0].moment[0] > 0.0 > curves[0].moment[-1]  # gravity turns the hanging beam back
