@@ -99,7 +99,6 @@ class Transient:
         radius = np.sqrt(body.body_rotary / body.body_mass) if body.body_mass else 0.0
         # Two points with half of the mass each have the rotary inertia of the body.
         self._arms = body.body_arm_mm + np.array([[radius, 0.0], [-radius, 0.0]])
-        self._law = law
         self._is_modulus = is_modulus
         zero = np.zeros_like(now.displacement[0])
         points = self._point_displacements(now.rigid[0])
@@ -290,7 +289,7 @@ class Transient:
 
     def _scaled(self, factor: float) -> Batch:
         parameters = np.where(self._is_modulus, factor * self._instantaneous.parameters, self._instantaneous.parameters)
-        return Batch(self._law, parameters, self._instantaneous.section, factor * self._instantaneous.bulk)
+        return replace(self._instantaneous, parameters=parameters)
 
     def _evaluated(self, batch: Batch, displacement: Array) -> Evaluation:
         nodal = self._solid.by_element(displacement)
