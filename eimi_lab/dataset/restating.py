@@ -27,7 +27,7 @@ def restate(
 ) -> tuple[str, ...]:
     """Replace the specimen or the calibration in a dataset of frames, and return a line of text for each changed key.
 
-    A change removes the edges. If the coil constant changes, the stored fields change by the same factor.
+    A change removes the edges. The fields of a run are computed again from its currents.
 
     Parameters
     ----------
@@ -54,14 +54,15 @@ def restate(
         check_clicked_points(corrected, beam, dataset.frame_format()[0])
         before: dict[str, Document] = {"specimen": dataset.specimen, "calibration": dataset.calibration}
         after: dict[str, Document] = {"specimen": beam, "calibration": corrected}
-        factor = _field_factor(dataset, dataset.calibration, corrected, calibration)
+        _check_coil_constant(dataset, dataset.calibration, corrected, calibration)
+        is_run = dataset.text("protocol") is not None
     changed = {name: differences(before[name].text, after[name].text) for name in before}
     if any(changed.values()):
         with rewritten(path, _LARGEST_TEXTS_BYTES) as entry:
             _replace(entry, {name: after[name] for name, lines in changed.items() if lines})
-            for place in ("states/field", "data/field"):
-                if factor != 1.0:
-                    entry[place][...] = factor * entry[place][()]
+            if is_run:
+                entry["states/field"][...] = corrected.mT_per_A * entry["states/current"][()]
+                entry["data/field"][...] = corrected.mT_per_A * entry["data/set_current"][()]
             drop_edges(entry)
     return tuple(f"{name}: {line}" for name, lines in changed.items() for line in lines)
 
@@ -89,20 +90,23 @@ def _calibration(dataset: Dataset, present: Calibration, file: Path | None, chan
     return corrected
 
 
-def _field_factor(dataset: Dataset, before: Calibration, after: Calibration, file: Path | None) -> float:
-    """Return the ratio of the new coil constant to the stored coil constant.
+def _check_coil_constant(dataset: Dataset, before: Calibration, after: Calibration, file: Path | None) -> None:
+    """Raise InputError for a new coil constant of an imported dataset, and if the constant of a run is left out.
 
-    Raises InputError if the constant changes in an imported dataset: its fields were perhaps typed, not computed.
+    The fields of an imported dataset were perhaps typed, not computed.
     """
-    if not after.mT_per_A and not any(state.field_mT for state in dataset.states):
-        return 1.0
-    factor = after.mT_per_A / before.mT_per_A if before.mT_per_A else float(after.mT_per_A == 0.0)
-    if factor != 1.0 and dataset.text("protocol") is None:
+    if after.mT_per_A == before.mT_per_A:
+        return
+    if dataset.text("protocol") is not None:
+        if not after.mT_per_A:
+            raise InputError(
+                f"{file}: coil_constant_mT_per_A is missing; the run used {before.mT_per_A:g}; give the coil constant"
+            )
+    elif after.mT_per_A or any(state.field_mT for state in dataset.states):
         raise InputError(
             f"{file}: coil_constant_mT_per_A = {after.mT_per_A:g}, but {dataset.path} was imported "
             f"with {before.mT_per_A:g}; perhaps states.csv contains typed fields, so repeat the import"
         )
-    return factor
 
 
 def _replace(entry: h5py.Group, documents: Mapping[str, Document]) -> None:

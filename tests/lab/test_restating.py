@@ -90,6 +90,29 @@ def test_the_fields_of_a_run_follow_its_coil_constant(run: Run, acquired: Path, 
         assert file["entry/data/field"][()].max() == pytest.approx(2 * before.max())
 
 
+def test_a_calibration_without_the_coil_constant_of_the_run_is_refused(run: Run, acquired: Path, files: Path) -> None:
+    before = acquired.read_bytes()
+    lines = [line for line in (files / "calibration.toml").read_text().splitlines() if "coil" not in line]
+    (files / "corrected.toml").write_text("\n".join(lines))
+    status, message = run("segment", acquired, "--calibration", files / "corrected.toml")
+    assert status == 2
+    assert "corrected.toml: coil_constant_mT_per_A is missing; the run used 4.7" in message
+    assert acquired.read_bytes() == before
+
+
+def test_a_correction_restores_fields_that_do_not_follow_from_the_currents(
+    run: Run, acquired: Path, files: Path
+) -> None:
+    with h5py.File(acquired, "r+") as file:  # an earlier release stored zeros if the coil constant was left out
+        file["entry/states/field"][...] = file["entry/data/field"][...] = 0.0
+    calibration = changed(files / "calibration.toml", "gravity_angle_deg", 91.0)
+    assert run("segment", acquired, "--calibration", calibration)[0] == 0
+    with open_dataset(acquired) as dataset:
+        assert [state.field_mT for state in dataset.states] == pytest.approx([0.0, 0.47, 0.94, 1.41])
+    with h5py.File(acquired) as file:
+        assert file["entry/data/field"][()].max() == pytest.approx(1.41)
+
+
 def test_files_of_another_specimen_or_coil_are_refused_with_the_key(
     run: Run, dataset: Path, pictures: Path, files: Path
 ) -> None:
