@@ -16,6 +16,8 @@ from typing import Any
 import h5py
 import numpy as np
 
+from eimi_lab.config.protocol import Protocol
+from eimi_lab.config.toml import parse
 from eimi_lab.dataset.layout import (
     FRAME_COLUMNS,
     STATE_COLUMNS,
@@ -24,6 +26,7 @@ from eimi_lab.dataset.layout import (
     columns,
     flags_from_text,
     flags_to_text,
+    get_text,
 )
 from eimi_lab.dataset.reading import Dataset, open_dataset
 from eimi_lab.dataset.recordings import BELONGS_TO, complete_rows, keep_rows
@@ -167,7 +170,7 @@ def _copy(source: h5py.File, crashed: Path, path: Path) -> tuple[int, list[str]]
     with h5py.File(path, "w", libver=WRITTEN_AS) as copy:
         copy.attrs["default"] = "entry"
         _copy_group(source["entry"], copy.create_group("entry"), lost, {})
-        lost += _rebuild_states(copy["entry"])
+        lost += _rebuild_states(copy["entry"], crashed)
         dataset = Dataset(crashed, copy, True, "the part of the file that can be read is not a dataset")
         states = len(dataset.states)
         if dataset.kind == "points":  # also if the frames were lost; reading the points then raises InputError
@@ -228,8 +231,11 @@ def _copy_attributes(source: h5py.Group, copy: h5py.Group, lost: list[str]) -> N
         lost.append(f"attributes of {source.name}")
 
 
-def _rebuild_states(entry: h5py.Group) -> list[str]:
-    """Restore damaged columns of the table of load steps, and return a line of text for each restored column."""
+def _rebuild_states(entry: h5py.Group, crashed: Path) -> list[str]:
+    """Restore damaged columns of the table of load steps, and return a line of text for each restored column.
+
+    Raises InputError if the tip forces of an imported dataset are lost.
+    """
     if "frames" not in entry["data"] or "states" not in entry:
         return []
     damaged = [name for name in STATE_COLUMNS if not _readable(entry["states"], name)]
@@ -240,7 +246,7 @@ def _rebuild_states(entry: h5py.Group) -> list[str]:
     rebuilt: dict[str, Any] = {
         "current": lambda: data["set_current"][()][first],
         "field": lambda: data["field"][()][first],
-        "tip_force": lambda: np.zeros(len(indices)),
+        "tip_force": lambda: np.full(len(indices), _tip_force_N(entry, crashed)),
         "flags": lambda: [flags_to_text(())] * len(indices),
         "index": lambda: indices,
     }
@@ -249,7 +255,15 @@ def _rebuild_states(entry: h5py.Group) -> list[str]:
         if name in entry["states"]:
             del entry["states"][name]
         append(columns(entry["states"], {name: STATE_COLUMNS[name]})[name], values)
-    return [f"entry/states/{name} (rebuilt from the frames)" for name in damaged]
+    sources = {"tip_force": "rebuilt from the protocol", "flags": "lost; the states have no flags now"}
+    return [f"entry/states/{name} ({sources.get(name, 'rebuilt from the frames')})" for name in damaged]
+
+
+def _tip_force_N(entry: h5py.Group, crashed: Path) -> float:
+    """Return the force at the tip of the beam during a run, N. Raises InputError for a dataset without a protocol."""
+    if "protocol" not in entry:
+        raise InputError(f"{crashed}: the tip forces of its states are damaged; import the pictures again")
+    return parse(Protocol, get_text(entry["protocol"], "data"), f"{crashed}: protocol").tip_force_N
 
 
 def _readable(parent: h5py.Group | h5py.Dataset, part: str | int) -> bool:

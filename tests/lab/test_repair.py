@@ -20,7 +20,7 @@ from eimi_drivers.interfaces import Frame, SensorReading
 from eimi_lab.config.calibration import load_calibration
 from eimi_lab.config.specimen import load_specimen
 from eimi_lab.dataset import recovery
-from eimi_lab.dataset.layout import Header
+from eimi_lab.dataset.layout import Header, note
 from eimi_lab.dataset.logged_sensor import LoggedSensor
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.dataset.recordings import Moment
@@ -528,16 +528,34 @@ def test_damaged_frames_are_left_out_and_their_states_are_flagged(finished: Path
         np.testing.assert_allclose(log.value, [0, 1, 2, 2])
 
 
-def test_damaged_columns_of_the_states_are_rebuilt_from_the_frames(finished: Path) -> None:
-    places = [in_chunk(finished, f"entry/states/{name}", 0)[0] for name in ("current", "tip_force")]
+def add_protocol(path: Path, texts: dict[str, str]) -> None:
+    # Add a protocol with a tip force of 0.25 N to a dataset, so that it looks like the dataset of a run.
+    text = texts["protocol"].replace("frames_per_state = 2", "frames_per_state = 2\ntip_force_N = 0.25")
+    with h5py.File(path, "r+") as file:
+        note(file["entry"], "protocol", text, "application/toml")
+
+
+def test_damaged_columns_of_the_states_are_rebuilt_from_frames_and_protocol(
+    finished: Path, texts: dict[str, str]
+) -> None:
+    add_protocol(finished, texts)
+    places = [in_chunk(finished, f"entry/states/{name}", 0)[0] for name in ("current", "tip_force", "flags")]
     dataset, lines = copied(flipped(finished, *(8 * at + bit for at in places for bit in (1, 90))))
     with dataset:
         assert [state.current_A for state in dataset.states] == [0.0, 0.1, 0.2]
-        assert [state.tip_force_N for state in dataset.states] == [0.0] * 3
+        assert [state.tip_force_N for state in dataset.states] == [0.25] * 3
         assert lines == [
             "unreadable and left out: entry/states/current (rebuilt from the frames), "
-            "entry/states/tip_force (rebuilt from the frames)"
+            "entry/states/tip_force (rebuilt from the protocol), "
+            "entry/states/flags (lost; the states have no flags now)"
         ]
+
+
+def test_lost_tip_forces_of_imported_pictures_are_not_invented(finished: Path) -> None:
+    at, _ = in_chunk(finished, "entry/states/tip_force", 0)
+    damaged = flipped(finished, 8 * at + 1, 8 * at + 90)
+    with pytest.raises(InputError, match=r"the tip forces of its states are damaged; import the pictures again"):
+        recovery.copy_readable(damaged, finished.with_name("copy.h5"))
 
 
 def test_rows_of_a_state_that_was_not_stored_completely_are_left_out(finished: Path) -> None:
@@ -632,24 +650,31 @@ def test_columns_are_rebuilt_only_from_frames_and_for_states(finished: Path, mis
         entry = file["entry"]
         del entry["states/current"]
         del entry[missing]
-        assert recovery._rebuild_states(entry) == []
+        assert recovery._rebuild_states(entry, finished) == []
         assert "states/current" not in entry
 
 
-def test_each_column_of_the_states_is_rebuilt_from_the_frames(finished: Path) -> None:
-    names = ["current", "field", "tip_force", "flags", "index"]
+def test_each_column_of_the_states_is_rebuilt(finished: Path, texts: dict[str, str]) -> None:
+    sources = {
+        "current": "rebuilt from the frames",
+        "field": "rebuilt from the frames",
+        "flags": "lost; the states have no flags now",
+        "index": "rebuilt from the frames",
+        "tip_force": "rebuilt from the protocol",
+    }
+    add_protocol(finished, texts)
     with h5py.File(finished, "r+") as file:
         entry = file["entry"]
-        assert recovery._rebuild_states(entry) == []
-        before = {name: entry["states"][name][()] for name in names}
-        kinds = {name: (entry["states"][name].dtype, entry["states"][name].maxshape) for name in names}
-        for name in names:
+        assert recovery._rebuild_states(entry, finished) == []
+        before = {name: entry["states"][name][()] for name in sources}
+        kinds = {name: (entry["states"][name].dtype, entry["states"][name].maxshape) for name in sources}
+        for name in sources:
             del entry["states"][name]
-        assert sorted(recovery._rebuild_states(entry)) == [
-            f"entry/states/{name} (rebuilt from the frames)" for name in sorted(names)
+        assert sorted(recovery._rebuild_states(entry, finished)) == [
+            f"entry/states/{name} ({source})" for name, source in sources.items()
         ]
-        for name in names:
-            expected = np.zeros(3) if name == "tip_force" else before[name]
+        for name in sources:
+            expected = np.full(3, 0.25) if name == "tip_force" else before[name]
             np.testing.assert_array_equal(entry["states"][name][()], expected)
             assert (entry["states"][name].dtype, entry["states"][name].maxshape) == kinds[name]
 
