@@ -1,4 +1,7 @@
-"""Correct the specimen or the calibration of a finished dataset, keep the replaced texts, and remove the edges."""
+"""Correct the specimen or the calibration of a finished dataset, keep the replaced texts, and remove the edges.
+
+Motions (positions of points over time) are removed with the edges, because both depend on the calibration.
+"""
 
 from __future__ import annotations
 
@@ -12,10 +15,11 @@ from eimi_lab.config.specimen import SpecimenFile, load_specimen
 from eimi_lab.config.toml import Document, differences
 from eimi_lab.dataset.containment import FORMER
 from eimi_lab.dataset.layout import group, note, now, put_text
+from eimi_lab.dataset.moving.stored_motions import drop_motions
 from eimi_lab.dataset.reading import Dataset, open_dataset
 from eimi_lab.dataset.rewriting import rewritten
 from eimi_lab.dataset.stored_edges import drop_edges
-from eimi_lab.process.errors import InputError
+from eimi_lab.process.errors import InputError, tell
 from eimi_lab.vision.clicked_points import check_clicked_points
 from eimi_lab.vision.edges.region import region_of
 
@@ -27,7 +31,8 @@ def restate(
 ) -> tuple[str, ...]:
     """Replace the specimen or the calibration in a dataset of frames, and return a line of text for each changed key.
 
-    A change removes the edges. The fields of a run are computed again from its currents.
+    A change removes the edges and the motions, with a note for imported motions. The fields of a run are computed again
+    from its currents.
 
     Parameters
     ----------
@@ -56,6 +61,7 @@ def restate(
         after: dict[str, Document] = {"specimen": beam, "calibration": corrected}
         _check_coil_constant(dataset, dataset.calibration, corrected, calibration)
         is_run = dataset.text("protocol") is not None
+        imported = _imported_motions(dataset)
     changed = {name: differences(before[name].text, after[name].text) for name in before}
     if any(changed.values()):
         with rewritten(path, _LARGEST_TEXTS_BYTES) as entry:
@@ -64,7 +70,17 @@ def restate(
                 entry["states/field"][...] = corrected.mT_per_A * entry["states/current"][()]
                 entry["data/field"][...] = corrected.mT_per_A * entry["data/set_current"][()]
             drop_edges(entry)
+            drop_motions(entry)
+        for kind in imported:
+            tell(f"note: {path}: the imported {kind} is older than this correction and was removed; import it again")
     return tuple(f"{name}: {line}" for name, lines in changed.items() for line in lines)
+
+
+def _imported_motions(dataset: Dataset) -> list[str]:
+    """Return the kinds of the stored motions that cannot be measured again, because there are no frames of them."""
+    creeping = any(dataset.creep_frames(state.index) is not None for state in dataset.states)
+    kinds = ["ring-down"] if dataset.ring_downs() and not dataset.recorded_ring_downs() else []
+    return kinds + (["creep"] if dataset.creeps() and not creeping else [])
 
 
 def _same_beam(dataset: Dataset, file: str | None) -> SpecimenFile:

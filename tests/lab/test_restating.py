@@ -9,8 +9,11 @@ import h5py
 import numpy as np
 import pytest
 
+from eimi_fitting.time.measured import Motion
+from eimi_lab.dataset.moving.motion_import import add_motions
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.dataset.recovery import recover
+from eimi_lab.dataset.restating import restate
 from eimi_lab.fits.fits_file import read_fits_file
 
 Run = Callable[..., tuple[int, str]]
@@ -140,6 +143,28 @@ def test_positions_that_a_new_calibration_does_not_contain_keep_their_values(
     with open_dataset(dataset) as opened:
         assert opened.calibration is not None
         assert (opened.calibration.pixels_per_mm, opened.calibration.clamp_midpoint_px) == (8.1, (64.0, 8.0))
+
+
+def test_motions_measured_with_the_former_calibration_are_removed(
+    dataset: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rest_mm = np.array([[5.0, 0.0], [10.0, 0.0]])
+    creep = Motion(
+        kind="creep",
+        points_mm=np.repeat(rest_mm[None], 4, axis=0),
+        rest_mm=rest_mm,
+        time_s=np.repeat(np.arange(1.0, 5.0)[:, None], 2, axis=1),
+        sigma_mm=np.full((4, 2), 0.01),
+    )
+    with open_dataset(dataset) as opened:
+        specimen = opened.specimen
+    add_motions(dataset, [creep], specimen)
+    restate(dataset, changes={"pixels_per_mm": 8.0})  # no change
+    assert not capsys.readouterr().err
+    restate(dataset, changes={"pixels_per_mm": 8.4})
+    assert "run.h5: the imported creep is older than this correction and was removed" in capsys.readouterr().err
+    with open_dataset(dataset) as opened:
+        assert opened.creeps() == ()
 
 
 @pytest.mark.slow

@@ -449,8 +449,11 @@ def test_the_default_plot_is_that_of_the_frames_after_the_edges_are_removed() ->
 
 
 class Restated:
-    def __init__(self, calibration: Any = CALIBRATION) -> None:
-        self.specimen, self.calibration, self.path = SPECIMEN, calibration, PATH
+    def __init__(self, calibration: Any = CALIBRATION, protocol: str | None = None) -> None:
+        self.specimen, self.calibration, self.path, self.protocol = SPECIMEN, calibration, PATH, protocol
+
+    def text(self, name: str) -> str | None:
+        return {"protocol": self.protocol}[name]
 
     def __enter__(self) -> Any:
         return self
@@ -462,22 +465,26 @@ class Restated:
         return (400, 640), np.dtype(np.uint8)
 
 
-@pytest.mark.parametrize("factor", [1.0, 1.5])
+@pytest.mark.parametrize("protocol", [None, "a protocol"])
 @pytest.mark.parametrize("differs", ["", "specimen", "calibration"])
 def test_changed_texts_are_replaced_with_the_fields_and_without_the_edges(
-    monkeypatch: pytest.MonkeyPatch, factor: float, differs: str
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], protocol: str | None, differs: str
 ) -> None:
     calls: list[Any] = []
     old, new = SPECIMEN, "corrected calibration"
-    beam, corrected = SimpleNamespace(text="new specimen"), SimpleNamespace(text=new)
-    entry = {"states/field": np.array([1.0, 2.0]), "data/field": np.array([4.0])}
+    beam, corrected = SimpleNamespace(text="new specimen"), SimpleNamespace(text=new, mT_per_A=3.0)
+    entry = {
+        "states/field": np.array([1.0, 2.0]), "data/field": np.array([4.0]),
+        "states/current": np.array([0.5, 1.0]), "data/set_current": np.array([2.0]),
+    }  # fmt: skip
     fields = {name: Column(values) for name, values in entry.items()}
-    dataset = Restated()
+    dataset = Restated(protocol=protocol)
     monkeypatch.setattr(restating, "open_dataset", lambda path: dataset)
     monkeypatch.setattr(restating, "_same_beam", noted(calls, "beam", beam))
     monkeypatch.setattr(restating, "_calibration", noted(calls, "calibration", corrected))
     monkeypatch.setattr(restating, "check_clicked_points", noted(calls, "clicks"))
-    monkeypatch.setattr(restating, "_field_factor", noted(calls, "factor", factor))
+    monkeypatch.setattr(restating, "_check_coil_constant", noted(calls, "constant"))
+    monkeypatch.setattr(restating, "_imported_motions", lambda dataset: ["creep"])
     lines = {old.text: "specimen", CALIBRATION.text: "calibration"}
     monkeypatch.setattr(
         restating, "differences", lambda before, after: (f"to {after}",) if lines[before] == differs else ()
@@ -485,6 +492,7 @@ def test_changed_texts_are_replaced_with_the_fields_and_without_the_edges(
     monkeypatch.setattr(restating, "rewritten", noted(calls, "rewrite", lambda path, size: nullcontext(fields)))
     monkeypatch.setattr(restating, "_replace", noted(calls, "replace"))
     monkeypatch.setattr(restating, "drop_edges", noted(calls, "drop"))
+    monkeypatch.setattr(restating, "drop_motions", noted(calls, "drop motions"))
     monkeypatch.setattr(type(CALIBRATION), "text", property(lambda self: "old calibration"))
     lines["old calibration"] = "calibration"
     lines[old.text] = "specimen"
@@ -497,13 +505,17 @@ def test_changed_texts_are_replaced_with_the_fields_and_without_the_edges(
         ("beam", dataset, "s.toml"),
         ("calibration", dataset, CALIBRATION, file, changes),
         ("clicks", corrected, beam, (400, 640)),
-        ("factor", dataset, CALIBRATION, corrected, file),
+        ("constant", dataset, CALIBRATION, corrected, file),
     ]
-    written = [("rewrite", PATH, 65536), ("replace", fields, {differs: after.get(differs)}), ("drop", fields)]
+    written = [
+        ("rewrite", PATH, 65536), ("replace", fields, {differs: after.get(differs)}), ("drop", fields),
+        ("drop motions", fields),
+    ]  # fmt: skip
     assert calls[4:] == written * bool(differs)
-    scale = factor if differs else 1.0
-    assert fields["states/field"].values.tolist() == [scale, 2.0 * scale]
-    assert fields["data/field"].values.tolist() == [4.0 * scale]
+    assert ("the imported creep is older than this correction" in capsys.readouterr().err) is bool(differs)
+    computed = bool(protocol and differs)  # from the currents
+    assert fields["states/field"].values.tolist() == ([1.5, 3.0] if computed else [1.0, 2.0])
+    assert fields["data/field"].values.tolist() == ([6.0] if computed else [4.0])
     calls.clear()
     restating.restate(PATH)
     assert calls[:2] == [("beam", dataset, None), ("calibration", dataset, CALIBRATION, None, {})]

@@ -915,29 +915,31 @@ def test_room_is_reserved_before_a_dataset_is_changed(tmp_path: Path, monkeypatc
 
 
 @pytest.mark.parametrize(
-    ("before", "after", "fields", "imported", "factor"),
+    ("before", "after", "fields", "imported", "refused"),
     [
-        (4.0, 6.0, [1.0], False, 1.5),
-        (0.0, 0.0, [0.0], True, 1.0),
-        (0.0, 0.0, [1.0], True, 1.0),
-        (4.0, 0.0, [0.0], True, 1.0),
-        (4.0, 4.0, [1.0], True, 1.0),
-        (0.0, 5.0, [1.0], False, 0.0),
-        (4.0, 6.0, [1.0], True, None),
-        (0.0, 5.0, [0.0], True, None),
+        (4.0, 6.0, [1.0], False, ""),
+        (0.0, 0.0, [0.0], True, ""),
+        (0.0, 0.0, [1.0], True, ""),
+        (4.0, 0.0, [0.0], True, ""),
+        (4.0, 4.0, [1.0], True, ""),
+        (0.0, 5.0, [1.0], False, ""),
+        (4.0, 0.0, [1.0], False, "is missing; the run used 4; give the coil constant"),
+        (4.0, 6.0, [1.0], True, r"= 6, but run\.h5 was imported with 4; .*so repeat the import"),
+        (4.0, 0.0, [1.0], True, r"= 0, but run\.h5 was imported with 4; .*so repeat the import"),
+        (0.0, 5.0, [0.0], True, r"= 5, but run\.h5 was imported with 0; .*so repeat the import"),
     ],
 )
-def test_the_fields_change_with_the_coil_constant(
-    before: float, after: float, fields: list[float], imported: bool, factor: float | None
+def test_a_coil_constant_that_does_not_give_the_fields_is_refused(
+    before: float, after: float, fields: list[float], imported: bool, refused: str
 ) -> None:
     states = [SimpleNamespace(field_mT=field) for field in fields]
     dataset: Any = SimpleNamespace(states=states, text=lambda name: None if imported else "text", path="run.h5")
     given: Any = [SimpleNamespace(mT_per_A=constant) for constant in (before, after)]
-    if factor is None:
-        with pytest.raises(InputError, match=r"^c\.toml: coil_constant_mT_per_A = .*so repeat the import$"):
-            restating._field_factor(dataset, *given, Path("c.toml"))
-    else:
-        assert restating._field_factor(dataset, *given, Path("c.toml")) == factor
+    expected: Any = nullcontext()
+    if refused:
+        expected = pytest.raises(InputError, match=rf"^c\.toml: coil_constant_mT_per_A {refused}$")
+    with expected:
+        restating._check_coil_constant(dataset, *given, Path("c.toml"))
 
 
 # Videos

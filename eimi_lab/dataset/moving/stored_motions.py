@@ -46,6 +46,13 @@ def write_motions(entry: h5py.Group, kind: Kind, motions: Sequence[Motion], leng
         _write(group(store, str(number), "NXdata"), motion, length_mm)
 
 
+def drop_motions(entry: h5py.Group) -> None:
+    """Remove the stored free oscillations and the creep from a dataset, if there are any."""
+    for name in GROUPS.values():
+        if name in entry:
+            del entry[name]
+
+
 def _write(store: h5py.Group, motion: Motion, length_mm: float) -> None:
     store.attrs["signal"] = "points"
     store.attrs["axes"] = [".", ".", "."]
