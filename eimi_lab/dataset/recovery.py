@@ -38,12 +38,15 @@ from eimi_lab.dataset.sensor_logs import log_of, sensor_names
 from eimi_lab.process.errors import InputError, OwnFault, tell
 from eimi_lab.process.limits import child_arguments, limit_memory, obey_processor_limit, run_limited
 from eimi_lab.process.outputs import whole_file
+from eimi_lab.process.paths import followed
 from eimi_lab.process.replacing import patiently
 from eimi_lab.process.writer_lock import is_being_written
 from eimi_lab.vision.flags import judge
 
 READ_WITHIN_S, BYTES_PER_S = 60.0, 2e6
 MEMORY_BYTES = 4 << 30
+_RUNNING, _ENDED = "running", "ended"
+"""Words that tell the second process whether the writer of the file is still running."""
 HDF5_RAISES = (OSError, RuntimeError, KeyError, ValueError, TypeError)
 """Kinds of errors that h5py raises for damaged files."""
 
@@ -75,9 +78,12 @@ def recover(crashed: str | Path, path: str | Path, force: bool = False, say: Cal
     crashed, path = Path(crashed), Path(path)
     if not crashed.is_file():
         raise InputError(f"{crashed}: is {'a folder' if crashed.is_dir() else 'not a file'}; give a dataset to recover")
+    # A file that is replaced has no other writer, because this process holds its lock below.
+    kind = _RUNNING if followed(crashed) != followed(path) and is_being_written(crashed) else _ENDED
     with whole_file(path, force) as temporary:
         within_s = READ_WITHIN_S + crashed.stat().st_size / BYTES_PER_S
-        done = run_limited(crashed, [sys.executable, "-P", "-m", __name__, str(crashed), str(temporary)], within_s)
+        command = [sys.executable, "-P", "-m", __name__, str(crashed), kind, str(temporary)]
+        done = run_limited(crashed, command, within_s)
         if done.returncode:
             message = done.stderr.decode("utf-8", "replace").strip().rpartition("\n")[2]
             if done.returncode == 2:
@@ -89,10 +95,19 @@ def recover(crashed: str | Path, path: str | Path, force: bool = False, say: Cal
         return int(outcome["states"])
 
 
-def copy_readable(crashed: Path, path: Path) -> tuple[int, list[str]]:
-    """Copy everything readable of the dataset ``crashed`` to the file ``path``, which is overwritten.
+def copy_readable(crashed: Path, path: Path, running: bool = False) -> tuple[int, list[str]]:
+    """Copy everything readable of a crashed or damaged dataset to a new file.
 
     For some damaged files HDF5 never returns: call this function in a process with limited processor time.
+
+    Parameters
+    ----------
+    crashed
+        The crashed or damaged dataset.
+    path
+        The new file; an existing file is overwritten.
+    running
+        Whether a run is still writing the dataset. Flipped bits are then not corrected.
 
     Returns
     -------
@@ -104,7 +119,7 @@ def copy_readable(crashed: Path, path: Path) -> tuple[int, list[str]]:
     InputError
         If HDF5 cannot read the file.
     """
-    if is_being_written(crashed):
+    if running:
         with h5py.File(crashed, "r", libver="latest", swmr=True) as source:
             return _copy(source, crashed, path)
     file = MendedFile(crashed)
@@ -329,12 +344,12 @@ def _drop_damaged(entry: h5py.Group, damaged: Sequence[int]) -> list[int]:
     return of_states
 
 
-def _main(crashed: Path, path: Path, within_s: str) -> None:
+def _main(crashed: Path, kind: str, path: Path, within_s: str) -> None:
     """Copy a dataset with limits of memory and processor time (s), and print the result as JSON."""
     obey_processor_limit(within_s)
     limit_memory(MEMORY_BYTES + crashed.stat().st_size)  # the file itself is mapped into memory
     try:
-        states, lines = copy_readable(crashed, path)
+        states, lines = copy_readable(crashed, path, kind == _RUNNING)
     except InputError as error:
         print(error, file=sys.stderr)
         sys.exit(2)
@@ -342,5 +357,5 @@ def _main(crashed: Path, path: Path, within_s: str) -> None:
 
 
 if __name__ == "__main__":
-    source, target, limit_s = child_arguments(3)
-    _main(Path(source), Path(target), limit_s)
+    source, kind_of_source, target, limit_s = child_arguments(4)
+    _main(Path(source), kind_of_source, Path(target), limit_s)

@@ -93,6 +93,18 @@ def test_everything_in_a_file_with_a_flipped_bit_is_recovered(
         assert "damaged.h5: specimen" in refused or "damaged.h5: calibration" in refused
 
 
+def test_a_flipped_bit_is_corrected_also_if_the_recovered_file_replaces_the_crashed_one(two: dict[str, Path]) -> None:
+    with h5py.File(two["finished"]) as file:
+        chunk = file["entry/data/frames"].id.get_chunk_info(2)
+    raw = bytearray(two["crashed"].read_bytes())
+    raw[chunk.byte_offset + chunk.size // 2] ^= 4
+    two["crashed"].write_bytes(raw)
+    messages: list[str] = []
+    recover(two["crashed"], two["crashed"], force=True, say=messages.append)
+    assert [line.partition(": ")[2] for line in messages] == ["single flipped bits in the file that were corrected: 1"]
+    assert_everything_is_there(two["crashed"])
+
+
 HOSTILE: dict[str, Callable[[h5py.File], object]] = {
     "is a link to another place": lambda file: swap(file, "entry/data/frames", h5py.ExternalLink("other.h5", "/x")),
     "entry/specimen is a link": lambda file: swap(file, "entry/specimen", h5py.SoftLink("/entry/specimen")),

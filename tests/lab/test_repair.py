@@ -33,6 +33,7 @@ from eimi_lab.dataset.repair.superblock import close_superblock, is_hdf5
 from eimi_lab.dataset.tracked import c3d
 from eimi_lab.dataset.writing import DatasetWriter
 from eimi_lab.process.errors import InputError, OwnFault
+from eimi_lab.process.writer_lock import only_writer
 
 STATES = 3
 SENSOR = LoggedSensor("probe", "F41", "field", "mT")
@@ -787,9 +788,9 @@ def test_what_cannot_be_read_at_all_is_refused(finished: Path, monkeypatch: pyte
 
 def test_a_file_that_is_being_written_is_read_beside_its_writer(crashed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     opened: list[dict[str, Any]] = []
-    monkeypatch.setattr(recovery, "is_being_written", lambda path: path == crashed)
     monkeypatch.setattr(recovery, "_copy", lambda source, *paths: (opened.append({"swmr": source.swmr_mode}), paths)[1])
-    assert recovery.copy_readable(crashed, crashed.with_name("copy.h5")) == (crashed, crashed.with_name("copy.h5"))
+    copy = crashed.with_name("copy.h5")
+    assert recovery.copy_readable(crashed, copy, running=True) == (crashed, copy)
     assert opened == [{"swmr": True}]
 
 
@@ -814,8 +815,12 @@ def test_the_outcome_of_the_other_process_is_passed_on(
     assert said == [f"{finished}: a", f"{finished}: b"]
     assert target.read_bytes() == b"copy"
     within_s = 60.0 + finished.stat().st_size / 2e6
-    command = [sys.executable, "-P", "-m", "eimi_lab.dataset.recovery", str(finished)]
+    command = [sys.executable, "-P", "-m", "eimi_lab.dataset.recovery", str(finished), "ended"]
     assert asked == [(finished, command, within_s)]
+    with only_writer(finished):
+        recovery.recover(finished, target, force=True)
+        recovery.recover(finished, finished, force=True)
+    assert [command[-1] for _, command, _ in asked[1:]] == ["running", "ended"]
     with pytest.raises(InputError, match=r"whole\.h5: exists already"):
         recovery.recover(finished, target)
     answer.returncode, answer.stderr = 2, b"warning\nrun.h5: is damaged\n"
@@ -836,18 +841,20 @@ def test_the_other_process_limits_itself_and_prints_its_outcome(
     limits: list[Any] = []
     monkeypatch.setattr(recovery, "obey_processor_limit", limits.append)
     monkeypatch.setattr(recovery, "limit_memory", limits.append)
-    recovery._main(finished, finished.with_name("copy.h5"), "60")
+    recovery._main(finished, "ended", finished.with_name("copy.h5"), "60")
     assert json.loads(capsys.readouterr().out) == {"states": 3, "said": []}
     assert limits == ["60", (4 << 30) + finished.stat().st_size]
     finished.write_bytes(b"text" * 100)
     with pytest.raises(SystemExit) as caught:
-        recovery._main(finished, finished.with_name("copy.h5"), "60")
+        recovery._main(finished, "ended", finished.with_name("copy.h5"), "60")
     assert caught.value.code == 2
     assert "is not an HDF5 file" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
-    ("program", "more"), [(recovery, ["copy.h5"]), (probing, []), (c3d, [])], ids=["recovery", "probing", "c3d"]
+    ("program", "more"),
+    [(recovery, ["ended", "copy.h5"]), (probing, []), (c3d, [])],
+    ids=["recovery", "probing", "c3d"],
 )
 def test_the_program_of_another_process_limits_itself_before_it_reads(
     finished: Path, monkeypatch: pytest.MonkeyPatch, capsysbinary: Any, program: Any, more: list[str]

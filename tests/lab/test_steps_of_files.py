@@ -501,7 +501,6 @@ def test_a_file_is_mended_only_if_something_cannot_be_read(
             raise result
         return result
 
-    monkeypatch.setattr(recovery, "is_being_written", lambda path: False)
     monkeypatch.setattr(recovery, "MendedFile", noted(calls, "open", "file"))
     monkeypatch.setattr(recovery, "is_hdf5", lambda file: True)
     monkeypatch.setattr(recovery, "close_superblock", noted(calls, "superblock"))
