@@ -131,10 +131,13 @@ class Coil:
 
         Raises SwitchOffFailed if the supply could not be confirmed off.
         """
-        self.asked_A = 0.0
-        self._recent.append((self._clock.now(), 0.0))
+        was_A, self.asked_A, sent_s = self.asked_A, 0.0, self._clock.now()
+        self._recent.append((sent_s, 0.0))
         self._interlocks.restart()
-        return switch_off(self.supply, self._clock)
+        off = switch_off(self.supply, self._clock)
+        if was_A:
+            self._note_set_point(sent_s, self._clock.now())
+        return off
 
     def count_the_end(self, ago_s: float = 0.0) -> None:
         """Let the time limit for the final ramp to zero current begin `ago_s` seconds before now.
@@ -238,8 +241,11 @@ class Coil:
         with self._timed_exchange():
             self.supply.set_current(self._swapped(current_A))
         self.changed_s = self._clock.now()
+        self._note_set_point(sent_s, self.changed_s)
+
+    def _note_set_point(self, sent_s: float, changed_s: float) -> None:
         self._set_points.append(
-            SetPoint(0.5 * (sent_s + self.changed_s), current_A, (self.changed_s - sent_s) / math.sqrt(12.0))
+            SetPoint(0.5 * (sent_s + changed_s), self.asked_A, (changed_s - sent_s) / math.sqrt(12.0))
         )
 
     def new_set_points(self) -> list[SetPoint]:

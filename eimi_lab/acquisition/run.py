@@ -376,3 +376,4 @@ def _step_through(
     finally:
         run.report_lost_frames(None)
         polarity.remind(run)
+        run.writer.append_set_points(run.new_set_points())

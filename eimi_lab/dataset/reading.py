@@ -291,9 +291,10 @@ class Dataset:
             return np.nan_to_num(mean_by_state(self._entry, "time", len(self.states)))
 
     def last_time_s(self) -> float:
-        """Return the time of the last frame on the clock of the run, s; 0 if the dataset has no frame."""
+        """Return the time of the last frame or set-point on the clock of the run, s; 0 if the dataset has neither."""
         with self._naming_damage():
-            return float(np.nanmax(self._entry["data/time"][()], initial=0.0))
+            set_points_s = [point.time_s for point in read_set_points(self._entry)]
+            return float(np.nanmax([*self._entry["data/time"][()], *set_points_s], initial=0.0))
 
     @property
     def resumable(self) -> bool:

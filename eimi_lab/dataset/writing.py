@@ -133,6 +133,7 @@ class DatasetWriter:
         lock = WriterLock(path)
         try:
             writer._open(path, lock)
+            writer._end_last_set_point()
         except BaseException:
             lock.release()
             raise
@@ -153,6 +154,12 @@ class DatasetWriter:
                 append(column, [session[name]])
                 column.flush()
             self._synchronise()
+
+    def _end_last_set_point(self) -> None:
+        """Store a set-point of 0 A at the last known time, if a crashed run stored no set-point of 0 A at its end."""
+        if self._set_points and len(currents := self._set_points["current"]) and currents[-1]:
+            last_s = np.nanmax([self._set_points["time"][-1], *self._columns["time"][()]])
+            self.append_set_points([SetPoint(float(last_s), 0.0, NAN)])
 
     def _attach(self, path: Path, lock: WriterLock) -> None:
         self.path, self._lock = path, lock
@@ -336,6 +343,21 @@ class DatasetWriter:
         self._refuse_overwritten()
         with self._writing():
             self._append_moments(name, belongs_to, moments)
+            self._synchronise()
+        if self._stored:
+            self._keep_the_name()
+
+    def append_set_points(self, set_points: Sequence[SetPoint]) -> None:
+        """Store set-points that were sent after the last load step, such as those of the ramp to zero at the end.
+
+        Nothing is stored after a failed write, or if the file has no table for set-points. Raises StorageFailed if the
+        file cannot be written.
+        """
+        if not set_points or not self._set_points or self._abandoned:
+            return
+        self._refuse_overwritten()
+        with self._writing():
+            append_set_points(self._set_points, set_points)
             self._synchronise()
         if self._stored:
             self._keep_the_name()

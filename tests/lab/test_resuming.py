@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import signal
 from collections.abc import Callable
 from pathlib import Path
@@ -79,6 +80,50 @@ def test_a_resumed_run_sets_the_same_currents_as_the_first(setup: Any) -> None:
     setup.run(resume=True)
     assert setup.stored() == [0.0, 0.1, 0.2, 0.3, 0.2, 0.1, 0.0]
     assert set_points_A[set_points_A.index(0.1) :][:4] == [0.1, 0.2, 0.3, 0.2]
+
+
+def stored_set_points(setup: Any) -> tuple[list[float], list[float]]:
+    # Return the times (s) and the currents (A) of all stored set-points.
+    with open_dataset(setup.path) as dataset:
+        points = dataset.set_points()
+    return [point.time_s for point in points], [point.current_A for point in points]
+
+
+def test_the_set_points_of_an_interrupted_run_end_with_zero(setup: Any) -> None:
+    setup.protocol = parse(
+        Protocol, f"creep = true\ntransients = {{ frames_per_state = 4 }}\n{setup.protocol.text}", "p"
+    )
+    interrupt(setup, after_A=0.2)
+    assert stored_set_points(setup)[1] == [0.1, 0.2, 0.0]
+    setup.run(resume=True)
+    times_s, currents_A = stored_set_points(setup)
+    assert currents_A == [0.1, 0.2, 0.0, 0.1, 0.2, 0.3, 0.0]
+    assert np.all(np.diff(times_s) > 0)
+
+
+def test_the_coil_counts_as_off_between_a_crash_and_the_resumed_run(setup: Any) -> None:
+    setup.protocol = parse(
+        Protocol, f"creep = true\ntransients = {{ frames_per_state = 4 }}\n{setup.protocol.text}", "p"
+    )
+    copy = setup.path.with_name("copy.h5")
+
+    def crash(number: int) -> None:
+        if setup.coil.state.set_current_A == 0.3:
+            shutil.copyfile(setup.path, copy)
+            raise InstrumentDisconnected("memory: unplugged")
+
+    setup.camera.event = crash
+    with pytest.raises(InstrumentDisconnected):
+        setup.run()
+    setup.camera.event = lambda number: None
+    shutil.move(copy, setup.path)
+    with open_dataset(setup.path) as dataset:
+        last_s = dataset.last_time_s()
+    assert stored_set_points(setup)[1] == [0.1, 0.2]
+    setup.run(resume=True)
+    times_s, currents_A = stored_set_points(setup)
+    assert currents_A == [0.1, 0.2, 0.0, 0.1, 0.2, 0.3, 0.0]
+    assert times_s[2] == pytest.approx(last_s)
 
 
 @pytest.mark.parametrize(

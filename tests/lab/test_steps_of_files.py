@@ -73,7 +73,7 @@ class Written:
             _states={name: Noted(calls, f"state {name}") for name in STATE_COLUMNS},
             _sensors={"hall": log}, _sessions={"end": {}},
             _recordings={"transients": "the transients", "ring_down": "the ring-downs", "conditioning": "c"},
-            _set_points="points", _steps={"ring_down": [0, 1]},
+            _set_points="points", _steps={"ring_down": [0, 1]}, _ring_downs=2,
         )  # fmt: skip
         monkeypatch.setattr(writing, "head_of", lambda descriptor: made._head)
         monkeypatch.setattr(writing, "fate_of", lambda path, descriptor: self.fate)
@@ -173,9 +173,7 @@ def test_further_frames_are_synchronised_and_keep_the_name_of_stored_states(
         assert [call[:3] for call in appended] == [("append_moments", "conditioning", "c")] * (what == "recording")
     assert made.calls[-2:] == [("file.flush",), ("synchronise", 7, beat)]
     assert kept == ["kept"] * bool(stored)
-    assert made.writer.ring_downs == 2
-    made.writer._steps = {}
-    assert made.writer.ring_downs is None
+    assert made.writer.ring_downs == 2 + (what == "ring-down")
 
 
 def test_a_ring_down_is_streamed_to_its_frames(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -293,10 +291,11 @@ def test_a_resumed_writer_holds_its_lock_and_begins_a_session(monkeypatch: pytes
     monkeypatch.setattr(writing, "WriterLock", noted(calls, "make lock", lambda path: lock))
     monkeypatch.setattr(DatasetWriter, "_attach", attach)
     monkeypatch.setattr(DatasetWriter, "begin_session", lambda self: calls.append("session"))
+    monkeypatch.setattr(DatasetWriter, "_end_last_set_point", lambda self: calls.append("end"))
     if opens:
         writer: Any = DatasetWriter.resume(PATH, "beat", "warn")  # type: ignore[arg-type]
         assert (writer._beat, writer._warn) == ("beat", "warn")
-        assert calls == [("make lock", PATH), ("attach", PATH, lock), "session"]
+        assert calls == [("make lock", PATH), ("attach", PATH, lock), "session", "end"]
     else:
         with pytest.raises(InputError):
             DatasetWriter.resume(PATH)

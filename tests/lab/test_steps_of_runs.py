@@ -697,7 +697,7 @@ def test_a_run_goes_through_its_steps_and_ends_with_the_output_off(
     made: Any = SimpleNamespace(
         coil=SimpleNamespace(supply=supply), protocol=protocol, guardian="guardian", on_event=noted(calls, "event"),
         sensing=Noted(calls, "sensing"), go_back_to=noted(calls, "back"), take=noted(calls, "take", take),
-        report_lost_frames=noted(calls, "lost"),
+        report_lost_frames=noted(calls, "lost"), writer=Noted(calls, "writer"), new_set_points=lambda: "points",
     )  # fmt: skip
     run._step_through(made, first, "interruption", pauses, polarity, None)  # type: ignore[arg-type]
     states: list[Any] = []
@@ -724,6 +724,7 @@ def test_a_run_goes_through_its_steps_and_ends_with_the_output_off(
         ("off",),
         ("lost", None),
         ("polarity.remind", made),
+        ("writer.append_set_points", "points"),
     ]
     assert isinstance(unfinished, ExitStack) or not optional
 
@@ -743,7 +744,8 @@ def test_a_stopped_run_says_what_it_leaves_behind(monkeypatch: pytest.MonkeyPatc
     made: Any = SimpleNamespace(
         coil=SimpleNamespace(supply=Noted(calls, "supply")), on_event=stop, guardian=None, take=stop,
         protocol=SimpleNamespace(currents_A=(), conditioning=None, ring_down=None), sensing=Noted(calls, "sensing"),
-        report_lost_frames=noted(calls, "lost"), go_back_to=noted(calls, "back"),
+        report_lost_frames=noted(calls, "lost"), go_back_to=noted(calls, "back"), writer=Noted(calls, "writer"),
+        new_set_points=lambda: "points",
     )  # fmt: skip
     made.on_event = lambda event: None
     ending = run._Ending(Path("run.h5"), SimpleNamespace(currents_A=(0.1,) * 4), 3, None, "off")  # type: ignore[arg-type]
@@ -751,4 +753,4 @@ def test_a_stopped_run_says_what_it_leaves_behind(monkeypatch: pytest.MonkeyPatc
     with pytest.raises(Stopped) as caught:
         run._step_through(made, 0, "interruption", Noted(calls, "pauses"), polarity, ending)  # type: ignore[arg-type]
     assert (caught.value.number, str(caught.value)) == (15, str(Stopped(15, "off stopped, 3 of 4")))
-    assert calls[-2:] == [("lost", None), ("polarity.remind", made)]
+    assert calls[-3:] == [("lost", None), ("polarity.remind", made), ("writer.append_set_points", "points")]
