@@ -82,12 +82,15 @@ def store_correction(path: str | Path, images: Images) -> None:
     Raises
     ------
     InputError
-        If the dataset contains tracked points, or if the images differ from the frames in size or bit depth.
+        If the dataset contains tracked points or no load step, or if the images differ from the frames in size or bit
+        depth.
     """
     path = Path(path)
     with rewritten(path, 2 * sum(image.nbytes for image in images.values())) as entry:
         if "frames" not in entry["data"]:
             raise InputError(f"{path}: holds tracked points, so there are no frames to correct")
+        if not len(entry["data/frames"]):
+            raise InputError(f"{path}: holds no state; repeat the run")
         frame = to_stored(entry["data/frames"][0])
         images = {name: in_channels(image, frame.ndim == 3) for name, image in images.items()}
         check_like(images, frame)

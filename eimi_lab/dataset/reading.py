@@ -152,6 +152,11 @@ class Dataset:
                 "in a new file; otherwise, use another copy of this file"
             ) from error
 
+    def refuse_without_state(self) -> None:
+        """Raise InputError for a dataset of frames without a load step, because its run ended before the first one."""
+        if self.kind == "frames" and not self.states:
+            raise InputError(f"{self.path}: holds no state; repeat the run")
+
     def text(self, name: str) -> str | None:
         """Return the TOML text of one input file of the run; None if the text is not stored.
 

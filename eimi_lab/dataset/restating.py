@@ -49,11 +49,12 @@ def restate(
         If the dataset holds tracked points, or if the new files do not suit the dataset.
     """
     with open_dataset(path) as dataset:
-        if dataset.calibration is None:
+        if dataset.kind == "points" or dataset.calibration is None:
             raise InputError(
                 f"{path}: holds tracked points, so its specimen and calibration cannot be replaced; import the points "
                 "again"
             )
+        dataset.refuse_without_state()
         beam = _same_beam(dataset, specimen)
         corrected = _calibration(dataset, dataset.calibration, calibration, changes or {})
         check_clicked_points(corrected, beam, dataset.frame_format()[0])

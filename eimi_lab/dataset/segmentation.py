@@ -59,14 +59,15 @@ def segment(path: Path, report: Callable[[str], None], executor: Workers | None 
     Raises
     ------
     InputError
-        If the dataset has no frames, or cannot be read or written.
+        If the dataset has no frames or no load step, or cannot be read or written.
     ChildProcessError
         If worker processes fail repeatedly.
     """
     with only_writer(path):
         with open_dataset(path) as dataset:
-            if dataset.calibration is None:
+            if dataset.kind == "points":
                 raise InputError(f"{path}: holds tracked points, so there are no edges to find")
+            dataset.refuse_without_state()
             frames = Frames(dataset)
             projection = frames.projection()
             edge_sets = _find_all(frames, projection, report, executor)
@@ -81,7 +82,7 @@ class Frames:
 
     def __init__(self, dataset: Dataset) -> None:
         """Read the images for the correction of frames. Raises InputError for a dataset of tracked points."""
-        if dataset.calibration is None:
+        if dataset.kind == "points" or dataset.calibration is None:
             raise InputError(f"{dataset.path}: holds tracked points, which have no images")
         self.dataset, self.calibration = dataset, dataset.calibration
         self._correction = dataset.correction()

@@ -12,7 +12,10 @@ import numpy as np
 import pytest
 
 from eimi_fitting.time.measured import Motion
+from eimi_lab.config.calibration import load_calibration
+from eimi_lab.config.specimen import load_specimen
 from eimi_lab.dataset.moving.beam_modes import cantilever_modes
+from eimi_lab.dataset.moving.motion_import import write_motion_dataset
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.face import moving
 from eimi_lab.fits.recorded_motions import load_motions
@@ -71,6 +74,20 @@ def test_an_imported_ring_down_begins_at_the_release_of_the_beam(run: Run, files
     with open_dataset(files / "out.h5") as dataset:
         assert dataset.states == ()
         assert dataset.gravity_angle_deg == -90.0
+
+
+def test_the_points_of_a_video_are_no_frames(run: Run, files: Path) -> None:
+    assert imported(run, files, write_table(files / "flick.csv", swing()), "--ring-down", "--released", "0.2")[0] == 0
+    motion = ring_down(files)
+    specimen, calibration = load_specimen(files / "specimen.toml"), load_calibration(files / "calibration.toml")
+    write_motion_dataset(files / "video.h5", [motion], specimen, calibration)
+    status, message = run("segment", files / "video.h5")
+    assert (status, message) == (
+        2, f"eimi: {files / 'video.h5'}: holds tracked points, so there are no edges to find\n"
+    )  # fmt: skip
+    status, message = run("segment", files / "video.h5", "--axis", "89")
+    assert status == 2
+    assert "so its specimen and calibration cannot be replaced; import the points again" in message
 
 
 def test_a_release_and_a_rate_on_the_command_line_replace_the_times_of_the_table(run: Run, files: Path) -> None:

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import cv2
 import h5py
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ import pytest
 from eimi_drivers.interfaces import Frame
 from eimi_lab.config.calibration import load_calibration
 from eimi_lab.config.specimen import load_specimen
+from eimi_lab.dataset.empty_file import empty_file
 from eimi_lab.dataset.layout import Header
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.dataset.recovery import recover
@@ -103,6 +105,19 @@ def test_a_flipped_bit_is_corrected_also_if_the_recovered_file_replaces_the_cras
     recover(two["crashed"], two["crashed"], force=True, say=messages.append)
     assert [line.partition(": ")[2] for line in messages] == ["single flipped bits in the file that were corrected: 1"]
     assert_everything_is_there(two["crashed"])
+
+
+@pytest.mark.parametrize("options", [(), ("--dark",), ("--axis", "89")])
+def test_a_run_without_a_state_has_no_edges(
+    files: Path, run: Callable[..., tuple[int, str]], options: tuple[str, ...]
+) -> None:
+    header = Header(load_specimen(files / "specimen.toml"), load_calibration(files / "calibration.toml"))
+    (files / "crashed.h5").write_bytes(empty_file(header, image(0)))  # a run that was killed before its first state
+    assert recover(files / "crashed.h5", files / "run.h5") == 0
+    cv2.imwrite(str(files / "dark.png"), image(0) // 10)
+    dark = (files / "dark.png",) * (options == ("--dark",))
+    status, message = run("segment", files / "run.h5", *options, *dark)
+    assert (status, message) == (2, f"eimi: {files / 'run.h5'}: holds no state; repeat the run\n")
 
 
 HOSTILE: dict[str, Callable[[h5py.File], object]] = {

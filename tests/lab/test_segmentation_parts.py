@@ -74,7 +74,7 @@ def test_a_worker_opens_a_dataset_once(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_points_without_pictures_have_no_frames() -> None:
     with pytest.raises(InputError, match=r"^run\.h5: holds tracked points, which have no images$"):
-        segmentation.Frames(SimpleNamespace(calibration=None, path="run.h5"))  # type: ignore[arg-type]
+        segmentation.Frames(SimpleNamespace(kind="points", path="run.h5"))  # type: ignore[arg-type]
 
 
 def test_edges_in_a_region_are_moved_to_their_place_in_the_picture(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -67,7 +67,9 @@ def test_a_dataset_is_segmented_under_its_lock_and_written_after_it_is_closed(mo
         yield value
         calls.append(f"end of {name}")
 
-    dataset: Any = SimpleNamespace(calibration=CALIBRATION, specimen=SPECIMEN)
+    dataset: Any = SimpleNamespace(
+        kind="frames", specimen=SPECIMEN, refuse_without_state=lambda: calls.append("check the states")
+    )
     frames = Noted(calls, "frames", projection=lambda: "projection")
     monkeypatch.setattr(segmentation, "only_writer", lambda path: context(f"lock {path}", None))
     monkeypatch.setattr(segmentation, "open_dataset", lambda path: context(f"open {path}", dataset))
@@ -79,6 +81,7 @@ def test_a_dataset_is_segmented_under_its_lock_and_written_after_it_is_closed(mo
     assert calls == [
         "lock run.h5",
         "open run.h5",
+        "check the states",
         ("make", dataset),
         ("frames.projection",),
         ("find", frames, "projection", "report", "executor"),
@@ -87,7 +90,7 @@ def test_a_dataset_is_segmented_under_its_lock_and_written_after_it_is_closed(mo
         ("write", PATH, "edges", "projection", "moved", 30.0),
         "end of lock run.h5",
     ]
-    dataset.calibration = None
+    dataset.kind = "points"
     with pytest.raises(InputError, match=r"^run\.h5: holds tracked points, so there are no edges to find$"):
         segmentation.segment(PATH, "report")  # type: ignore[arg-type]
 
@@ -101,7 +104,8 @@ def test_the_frames_of_a_state_are_averaged_and_corrected(
     correction = SimpleNamespace(apply=lambda image: f"corrected {image}") if corrected else None
     states = [SimpleNamespace(index=4), SimpleNamespace(index=7)]
     dataset: Any = SimpleNamespace(
-        calibration=CALIBRATION, specimen=SPECIMEN, states=states, correction=lambda: correction, path=PATH,
+        kind="frames", calibration=CALIBRATION, specimen=SPECIMEN, states=states, correction=lambda: correction,
+        path=PATH,
         each_image=lambda index: f"images {index}", frame_format=lambda: (size, np.dtype(np.uint8)),
     )  # fmt: skip
     monkeypatch.setattr(segmentation, "state_mean", lambda images: f"mean of {images}")
@@ -451,6 +455,10 @@ def test_the_default_plot_is_that_of_the_frames_after_the_edges_are_removed() ->
 class Restated:
     def __init__(self, calibration: Any = CALIBRATION, protocol: str | None = None) -> None:
         self.specimen, self.calibration, self.path, self.protocol = SPECIMEN, calibration, PATH, protocol
+        self.kind = "frames"
+
+    def refuse_without_state(self) -> None:
+        pass
 
     def text(self, name: str) -> str | None:
         return {"protocol": self.protocol}[name]
