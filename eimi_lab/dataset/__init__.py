@@ -40,6 +40,7 @@ videos            frames and times of a video file
 moving            free oscillations and creep as positions of points at measured times
 tracked           import of tracked points in the formats of tracking programs
 recovery          repair of crashed or damaged files
+rebuilding        repair of the damaged tables of a recovered file from its other tables
 repair            correction of flipped bits by HDF5's checksums
 file_system       check whether a folder is on a network file system
 """

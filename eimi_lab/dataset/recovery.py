@@ -11,24 +11,19 @@ import traceback
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
 
-from eimi_lab.config.protocol import Protocol
-from eimi_lab.config.toml import parse
 from eimi_lab.dataset.layout import (
     FRAME_COLUMNS,
     STATE_COLUMNS,
     WRITTEN_AS,
-    append,
-    columns,
     flags_from_text,
     flags_to_text,
-    get_text,
 )
 from eimi_lab.dataset.reading import Dataset, open_dataset
+from eimi_lab.dataset.rebuilding import HDF5_RAISES, readable, rebuilt_tables
 from eimi_lab.dataset.recordings import BELONGS_TO, complete_rows, keep_rows
 from eimi_lab.dataset.repair.chunks import mend_chunks
 from eimi_lab.dataset.repair.mended_file import MendedFile
@@ -45,10 +40,10 @@ from eimi_lab.vision.flags import judge
 
 READ_WITHIN_S, BYTES_PER_S = 60.0, 2e6
 MEMORY_BYTES = 4 << 30
+_FRAMES = ("frames", "data")
+"""Names of arrays of frames, which are read later, one frame at a time."""
 _RUNNING, _ENDED = "running", "ended"
 """Words that tell the second process whether the writer of the file is still running."""
-HDF5_RAISES = (OSError, RuntimeError, KeyError, ValueError, TypeError)
-"""Kinds of errors that h5py raises for damaged files."""
 
 
 def recover(crashed: str | Path, path: str | Path, force: bool = False, say: Callable[[str], None] = tell) -> int:
@@ -185,7 +180,7 @@ def _copy(source: h5py.File, crashed: Path, path: Path) -> tuple[int, list[str]]
     with h5py.File(path, "w", libver=WRITTEN_AS) as copy:
         copy.attrs["default"] = "entry"
         _copy_group(source["entry"], copy.create_group("entry"), lost, {})
-        lost += _rebuild_states(copy["entry"], crashed)
+        lost = rebuilt_tables(copy["entry"], lost, crashed)
         dataset = Dataset(crashed, copy, True, "the part of the file that can be read is not a dataset")
         states = len(dataset.states)
         if dataset.kind == "points":  # also if the frames were lost; reading the points then raises InputError
@@ -231,6 +226,7 @@ def _copy_group(source: h5py.Group, copy: h5py.Group, lost: list[str], copied: d
                     lost.append(f"{place} (kept in another file)")
                     continue
                 h5py.h5o.copy(source.id, name.encode(), copy.id, name.encode())
+                _read(name, copy[name])
                 copied[address] = f"{copy.name}/{name}"
         except HDF5_RAISES:
             lost.append(place)
@@ -246,47 +242,10 @@ def _copy_attributes(source: h5py.Group, copy: h5py.Group, lost: list[str]) -> N
         lost.append(f"attributes of {source.name}")
 
 
-def _rebuild_states(entry: h5py.Group, crashed: Path) -> list[str]:
-    """Restore damaged columns of the table of load steps, and return a line of text for each restored column.
-
-    Raises InputError if the tip forces of an imported dataset are lost.
-    """
-    if "frames" not in entry["data"] or "states" not in entry:
-        return []
-    damaged = [name for name in STATE_COLUMNS if not _readable(entry["states"], name)]
-    if not damaged:
-        return []
-    data = entry["data"]
-    indices, first = np.unique(data["state"][()], return_index=True)
-    rebuilt: dict[str, Any] = {
-        "current": lambda: data["set_current"][()][first],
-        "field": lambda: data["field"][()][first],
-        "tip_force": lambda: np.full(len(indices), _tip_force_N(entry, crashed)),
-        "flags": lambda: [flags_to_text(())] * len(indices),
-        "index": lambda: indices,
-    }
-    for name in damaged:
-        values = rebuilt[name]()
-        if name in entry["states"]:
-            del entry["states"][name]
-        append(columns(entry["states"], {name: STATE_COLUMNS[name]})[name], values)
-    sources = {"tip_force": "rebuilt from the protocol", "flags": "lost; the states have no flags now"}
-    return [f"entry/states/{name} ({sources.get(name, 'rebuilt from the frames')})" for name in damaged]
-
-
-def _tip_force_N(entry: h5py.Group, crashed: Path) -> float:
-    """Return the force at the tip of the beam during a run, N. Raises InputError for a dataset without a protocol."""
-    if "protocol" not in entry:
-        raise InputError(f"{crashed}: the tip forces of its states are damaged; import the pictures again")
-    return parse(Protocol, get_text(entry["protocol"], "data"), f"{crashed}: protocol").tip_force_N
-
-
-def _readable(parent: h5py.Group | h5py.Dataset, part: str | int) -> bool:
-    """Return whether HDF5 can read a part of a table (column name) or of an array of frames (frame number)."""
-    try:
-        return len(parent[part][()]) >= 0
-    except HDF5_RAISES:
-        return False
+def _read(name: str, item: h5py.Dataset) -> None:
+    """Read an array completely, unless it contains frames or texts of variable length, so that damage is noticed."""
+    if not item.dtype.hasobject and not (item.ndim >= 3 and name in _FRAMES):
+        item[()]
 
 
 def _drop_unacknowledged(entry: h5py.Group, states: int) -> None:
@@ -306,7 +265,7 @@ def _drop_unreadable(entry: h5py.Group, states: int) -> list[str]:
     for name in sorted(BELONGS_TO.keys() & entry.keys()):
         try:
             rows = complete_rows(entry, name, states)
-            sound = np.array([_readable(entry[name]["frames"], row) for row in rows], dtype=bool)
+            sound = np.array([readable(entry[name]["frames"], row) for row in rows], dtype=bool)
             keep_rows(entry, name, rows[sound])
         except HDF5_RAISES:
             del entry[name]

@@ -19,7 +19,7 @@ import pytest
 from eimi_drivers.interfaces import Frame, SensorReading
 from eimi_lab.config.calibration import load_calibration
 from eimi_lab.config.specimen import load_specimen
-from eimi_lab.dataset import recovery
+from eimi_lab.dataset import rebuilding, recovery
 from eimi_lab.dataset.layout import Header, note
 from eimi_lab.dataset.logged_sensor import LoggedSensor
 from eimi_lab.dataset.reading import open_dataset
@@ -555,7 +555,7 @@ def test_damaged_columns_of_the_states_are_rebuilt_from_frames_and_protocol(
 def test_lost_tip_forces_of_imported_pictures_are_not_invented(finished: Path) -> None:
     at, _ = in_chunk(finished, "entry/states/tip_force", 0)
     damaged = flipped(finished, 8 * at + 1, 8 * at + 90)
-    with pytest.raises(InputError, match=r"the tip forces of its states are damaged; import the pictures again"):
+    with pytest.raises(InputError, match=r"the tip forces of its states are damaged; repeat the import"):
         recovery.copy_readable(damaged, finished.with_name("copy.h5"))
 
 
@@ -651,7 +651,7 @@ def test_columns_are_rebuilt_only_from_frames_and_for_states(finished: Path, mis
         entry = file["entry"]
         del entry["states/current"]
         del entry[missing]
-        assert recovery._rebuild_states(entry, finished) == []
+        assert rebuilding.rebuilt_tables(entry, ["/entry/x"], finished) == ["/entry/x"]
         assert "states/current" not in entry
 
 
@@ -666,12 +666,12 @@ def test_each_column_of_the_states_is_rebuilt(finished: Path, texts: dict[str, s
     add_protocol(finished, texts)
     with h5py.File(finished, "r+") as file:
         entry = file["entry"]
-        assert recovery._rebuild_states(entry, finished) == []
+        assert rebuilding.rebuilt_tables(entry, [], finished) == []
         before = {name: entry["states"][name][()] for name in sources}
         kinds = {name: (entry["states"][name].dtype, entry["states"][name].maxshape) for name in sources}
         for name in sources:
             del entry["states"][name]
-        assert sorted(recovery._rebuild_states(entry, finished)) == [
+        assert sorted(rebuilding.rebuilt_tables(entry, [], finished)) == [
             f"entry/states/{name} ({source})" for name, source in sources.items()
         ]
         for name in sources:

@@ -462,7 +462,7 @@ def test_damaged_frames_of_recordings_are_removed_and_unreadable_recordings_are_
     entry["transients/frames"] = "the frames"
     monkeypatch.setattr(recovery, "complete_rows", noted(calls, "rows", rows))
     monkeypatch.setattr(recovery, "keep_rows", lambda entry, name, rows: calls.append(("keep", name, rows.tolist())))
-    monkeypatch.setattr(recovery, "_readable", lambda frames, row: row != 5)
+    monkeypatch.setattr(recovery, "readable", lambda frames, row: row != 5)
     assert recovery._drop_unreadable(entry, 3) == [
         "unreadable and left out: entry/conditioning",
         "damaged frames left out of transients: 1",
@@ -473,7 +473,7 @@ def test_damaged_frames_of_recordings_are_removed_and_unreadable_recordings_are_
         ("keep", "transients", [4, 7]),
     ]
     assert "conditioning" not in entry
-    monkeypatch.setattr(recovery, "_readable", lambda frames, row: True)
+    monkeypatch.setattr(recovery, "readable", lambda frames, row: True)
     assert recovery._drop_unreadable(entry, 3) == []
 
 
