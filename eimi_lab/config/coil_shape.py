@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from pathlib import Path
 from typing import Annotated, Any
@@ -13,8 +11,8 @@ from pydantic import Field, model_validator
 
 from eimi_fitting.beam.coil_field import CoilShape, FieldTable
 from eimi_fitting.beam.specimen import Specimen
-from eimi_lab.config.toml import Table, read_text
-from eimi_lab.process.errors import InputError
+from eimi_lab.config.csv_tables import read_table
+from eimi_lab.config.toml import Table
 from eimi_lab.process.paths import named_in
 
 _REACH = 1.15  # the field of the loops is tabulated up to this distance, in lengths of the beam
@@ -135,16 +133,6 @@ def with_rows_of_map(table: dict[str, Any], beside: Path) -> bool:
     if not isinstance(field, dict) or not isinstance(field.get("map"), str):
         return False
     file = named_in(beside, field["map"])
-    reader = csv.DictReader(io.StringIO(read_text(file)), skipinitialspace=True)
-    if tuple(reader.fieldnames or ()) != _COLUMNS:
-        raise InputError(f"{file}: the first row should be {','.join(_COLUMNS)}")
-    rows = []
-    for number, row in enumerate(reader, 2):
-        try:
-            rows.append([float(row[column]) for column in _COLUMNS])
-        except (TypeError, ValueError) as error:
-            raise InputError(
-                f"{file}: row {number}: should have four numbers, one for each of {','.join(_COLUMNS)}"
-            ) from error
+    rows = [[row.number(column) for column in _COLUMNS] for row in read_table(file, _COLUMNS)]
     table["field"] = {**field, "map": rows}
     return True

@@ -584,12 +584,18 @@ def test_a_map_of_the_field_is_a_grid_with_at_least_four_lines(tmp_path: Path) -
     assert table["field"] == {"map": [[0.0, 1.0, 2.0, 3.5]], "gradient_per_m": [1.0, 0.0]}
     for untouched in ({}, {"field": 3}, {"field": {"map": [[1.0]]}}):
         assert not with_rows_of_map(untouched, tmp_path / "calibration.toml")
-    (tmp_path / "map.csv").write_text("x_mm,y_mm,bx_mT,by_mT\n0,1,2,3\n0,1,x,3\n")
-    with pytest.raises(InputError, match=r"map\.csv: row 3: should have four numbers"):
-        with_rows_of_map({"field": {"map": "map.csv"}}, tmp_path / "c.toml")
-    (tmp_path / "map.csv").write_text("x,y,bx_mT,by_mT\n")
-    with pytest.raises(InputError, match=r"map\.csv: the first row should be x_mm,y_mm,bx_mT,by_mT"):
-        with_rows_of_map({"field": {"map": "map.csv"}}, tmp_path / "c.toml")
+    header = "x_mm,y_mm,bx_mT,by_mT\n"
+    (tmp_path / "map.csv").write_text(f"\ufeff{header}0,1,2,3\n", encoding="utf-8")  # as some spreadsheets write it
+    assert with_rows_of_map(table := {"field": {"map": "map.csv"}}, tmp_path / "calibration.toml")
+    assert table["field"] == {"map": [[0.0, 1.0, 2.0, 3.0]]}
+    for content, words in (
+        (f"{header}0,1,2,3\n0,1,x,3\n", "row 3: bx_mT = 'x' should be a number"),
+        (f"{header}0,-20,0,4,7\n", "row 2: has 5 cells, but the header has 4 columns"),  # 4,7 with a decimal comma
+        ("x,y,bx_mT,by_mT\n", "row 1: 'x' is not a known column"),
+    ):
+        (tmp_path / "map.csv").write_text(content)
+        with pytest.raises(InputError, match=rf"map\.csv: {words}"):
+            with_rows_of_map({"field": {"map": "map.csv"}}, tmp_path / "c.toml")
 
 
 def test_the_shape_of_the_field_reaches_the_simulation() -> None:

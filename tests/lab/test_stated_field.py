@@ -99,7 +99,7 @@ def test_a_measured_map_of_the_field_is_read_from_its_file_and_stored_in_the_tex
     assert first[0] == pytest.approx([2e-3, -2e-3j], abs=1e-9)
     assert second == pytest.approx(0.0, abs=1e-9)
     (tmp_path / "field.csv").write_text("x,y,bx,by\n", encoding="utf-8")
-    with pytest.raises(InputError, match=r"field\.csv: the first row should be x_mm,y_mm,bx_mT,by_mT"):
+    with pytest.raises(InputError, match=r"field\.csv: row 1: 'x' is not a known column; the known columns are x_mm"):
         load_calibration(tmp_path / "calibration.toml")
 
 
