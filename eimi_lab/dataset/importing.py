@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 from datetime import UTC, datetime
 from itertools import groupby, islice, pairwise
 from pathlib import Path
@@ -91,7 +92,7 @@ def import_frames(
     with whole_file(path, force) as temporary:
         listing = list_frames(source, states, every)
         loads = [(load_of(frame.row, calibration), frame) for frame in listing.frames]
-        by_state = [(load, [frame for _, frame in group]) for load, group in groupby(loads, key=lambda pair: pair[0])]
+        by_state = [_as_state(list(group)) for _, group in groupby(loads, key=lambda pair: pair[0])]
         coloured = any(map(is_coloured, listing.images()))
         first = in_channels(next(listing.images()), coloured)
         largest = max(len(frames) for _, frames in by_state)
@@ -118,6 +119,13 @@ def import_frames(
             store_correction(temporary, correcting)
     _report_unlisted(listing, states)
     return len(by_state)
+
+
+def _as_state(frames: list[tuple[Load, ListedFrame]]) -> tuple[Load, list[ListedFrame]]:
+    """Return the load and the pictures of one load step, with the mean of the temperatures of its pictures."""
+    given_degC = [load.temperature_degC for load, _ in frames if load.temperature_degC is not None]
+    mean_degC = float(np.mean(given_degC)) if given_degC else None
+    return replace(frames[0][0], temperature_degC=mean_degC), [frame for _, frame in frames]
 
 
 def _append_states(

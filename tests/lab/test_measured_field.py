@@ -82,6 +82,21 @@ def test_measured_fields_and_temperatures_of_imported_points_reach_the_fit(
     assert {source.source: source.standard_uncertainty for source in stated} == {"coil": 0.005, "offset": 0.01}
 
 
+def test_the_temperature_of_a_state_is_the_mean_over_its_pictures(
+    pictures: Path, run: Callable[..., tuple[int, str]]
+) -> None:
+    rows = ["1.png,0.1,22.0", "2.png,0.1,", "10.png,0.1,24.0", "20.png,0.2,"]
+    lines = ["frame,current_A,temperature_degC", *(f"frame_{row}" for row in rows)]
+    (pictures / "states.csv").write_text("\n".join(lines))
+    status, message = run(
+        *("import", pictures / "frames", "--states", pictures / "states.csv", "-o", pictures / "out.h5"),
+        *("--specimen", pictures / "specimen.toml", "--calibration", pictures / "calibration.toml"),
+    )
+    assert status == 0, message
+    with open_dataset(pictures / "out.h5") as dataset:
+        assert [state.temperature_degC for state in dataset.states] == [23.0, None]
+
+
 @pytest.mark.parametrize(
     ("row", "words"),
     [
