@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 
 _STARTS_EACH = 2  # starting values of each ratio
 _STEP = 1e-5  # step of a central difference, relative to the range of the coordinate
+_DEPENDENT = 1e-9  # smallest singular value of independent columns of length 1
 
 
 @dataclass(frozen=True)
@@ -129,7 +130,7 @@ def fit_tensile(
     Raises
     ------
     CannotFit
-        If there are too few rows, or if the law cannot produce the measured stresses.
+        If there are too few rows or too few different strains, or if the law cannot produce the measured stresses.
 
     Examples
     --------
@@ -146,6 +147,8 @@ def fit_tensile(
         rows = "1 row" if used.sum() == 1 else f"{used.sum()} rows"
         raise CannotFit(f"{rows} can be used, but a fit of the {law.name} law needs at least {n + 1} rows")
     e, s = strain[used], stress_Pa[used]
+    if not e.any():
+        raise CannotFit("every strain is zero, but a fit needs strains that are not zero")
     solved = law.fit_stress(e, s, 1 / s if relative else np.ones_like(s))
     residual = engineering_stress(law, solved.parameters, e) - s
     modulus = float(law.initial_shear_modulus(solved.parameters))
@@ -173,9 +176,17 @@ def fit_tensile(
 
 
 def linear_least_squares(law: Law, strain: Array, stress: Array, weight: Array) -> StressFit:
-    """Fit a law to a tensile curve if the stress is linear in all parameters."""
+    """Fit a law to a tensile curve if the stress is linear in all parameters.
+
+    Raises CannotFit if the strains do not determine all parameters.
+    """
     columns = _columns(law, strain, weight)
     size = np.linalg.norm(columns, axis=0)
+    if not size.all() or np.linalg.matrix_rank(columns / size, tol=_DEPENDENT) < len(size):
+        raise CannotFit(
+            f"the strains do not determine the {len(size)} parameters of the {law.name} law: give at least {len(size)} "
+            "clearly different strains that are not zero"
+        )
     parameters = np.linalg.lstsq(columns / size, weight * stress, rcond=None)[0] / size
     covariance, t, tau = covariance_of(columns, columns @ parameters - weight * stress)
     half = t * np.sqrt(np.diag(covariance))

@@ -105,6 +105,24 @@ def test_the_window_and_relative_residuals_select_the_rows() -> None:
         fit_tensile(LAWS["ogden"], STRAIN, -stress)
 
 
+@pytest.mark.parametrize(
+    ("model", "strains"),
+    [("mooney-rivlin", [0.5]), ("mooney-rivlin", [0.0, 0.5]), ("yeoh", [0.5]), ("yeoh", [0.2, 0.5])],
+)
+def test_a_curve_with_fewer_strains_than_parameters_is_refused(model: str, strains: list[float]) -> None:
+    strain = np.resize(strains, 8)
+    stress = 46e3 * ((1 + strain) - (1 + strain) ** -2) + np.random.default_rng(1).normal(0, 50.0, 8)
+    with pytest.raises(CannotFit, match=f"strains do not determine the . parameters of the {model} law: give at least"):
+        fit_tensile(LAWS[model], strain, stress)
+    assert fit_tensile(LAWS["neo-hookean"], strain, stress).parameters == pytest.approx([46e3], rel=0.01)
+
+
+@pytest.mark.parametrize("model", LAWS)
+def test_a_curve_without_strain_is_refused(model: str) -> None:
+    with pytest.raises(CannotFit, match="every strain is zero, but a fit needs strains that are not zero"):
+        fit_tensile(LAWS[model], np.zeros(8), np.full(8, 1e3))
+
+
 # Least-squares fits to the engineering stress of the rows in the window, computed by an independent script. Each line:
 # material and window (%): mu [RMSE]; C10, C01 [RMSE]; C10, C20, C30 [RMSE], all in kPa.
 REFERENCE = """
