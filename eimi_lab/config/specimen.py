@@ -13,6 +13,7 @@ from pydantic import AfterValidator, Field, PlainSerializer, WrapValidator, mode
 
 import eimi_fitting.beam.specimen as mechanics
 from eimi_fitting.beam.rest_shape import RestShape, centre_line
+from eimi_fitting.beam.strip import Strip
 from eimi_fitting.inference.evidence.sources import StatedSource
 from eimi_lab.config.csv_tables import read_table
 from eimi_lab.config.size_along import rows_of, size_along, written
@@ -205,7 +206,7 @@ class SpecimenFile(Document):
                     f"specimen.length_mm = {beam.length_mm:g}"
                 )
         try:
-            self.mechanics()
+            Strip(self.mechanics())
         except ValueError as error:
             raise ValueError(f"specimen.rest_shape: {error}") from error
         if self.magnet is None and "magnetisation_angle_deg" in (self.uncertainty or {}):

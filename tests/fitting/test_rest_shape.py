@@ -10,7 +10,7 @@ from eimi_fitting.beam.beside import SolidBeside
 from eimi_fitting.beam.rest_modes import with_modes
 from eimi_fitting.beam.rest_shape import RestShape, centre_line
 from eimi_fitting.beam.solid_model import SolidModel
-from eimi_fitting.beam.strip import Strip
+from eimi_fitting.beam.strip import ImpossibleShape, Strip
 
 NEO, MU = LAWS["neo-hookean"], np.array([[46e3]])
 YOUNG_PA = 3 * MU[0, 0]
@@ -135,3 +135,14 @@ def test_a_step_is_a_ramp_that_ends_on_lines_of_the_mesh():
 def test_a_width_that_decreases_to_zero_is_refused():
     with pytest.raises(ValueError, match="width_mm of the rest shape falls to"):
         BeamModel(replace(STRIP, rest_shape=RestShape(widths=((0.0, 0.0), (1.0, -2.5)))))
+
+
+def test_a_bend_with_a_radius_below_half_the_width_is_refused():
+    def turned(radius_mm: float) -> Specimen:
+        # A beam that is bent in its middle third.
+        turns = ((0.0, 0.0), (1 / 3, 0.0), (2 / 3, LENGTH / 3 / radius_mm))
+        return replace(STRIP, width_mm=8.0, rest_shape=RestShape(turns=turns))
+
+    assert Strip(turned(4.2)).straight.width_mm == 8.0
+    with pytest.raises(ImpossibleShape, match=r"a radius of 3\.8 mm at .* above half the width, 4 mm"):
+        Strip(turned(3.8))

@@ -116,11 +116,19 @@ def test_a_centre_line_in_a_csv_file_becomes_part_of_the_text(tmp_path: Path):
     assert offset_mm == pytest.approx(0.8, abs=0.02)
 
 
+# One point per mm with errors of 0.08 mm.
+ROUGH = ", ".join(f"[{x}, {0.08 * (-1) ** x if x else 0}]" for x in range(31))
+
+
 @pytest.mark.parametrize(
     ("keys", "words"),
     [
         ({"rest_shape": '"bent"'}, "rest_shape"),
         ({"rest_shape": "[[0, 0], [10, 0], [20, 0], [25, 0]]"}, "25 mm long, but the beam has length_mm = 30"),
+        (
+            {"rest_shape": f"[{ROUGH}]"},
+            r"specimen.rest_shape: the centre line has a radius of [01]\.\d+ mm at .* half the width, 1\.5 mm: give",
+        ),
         ({"width_mm": "[[0.0, 3.0]]"}, "at least two rows"),
         ({"width_mm": "[[1.0, 3.0], [30.0, 2.5]]"}, "the arc length of the first row should be 0"),
         (

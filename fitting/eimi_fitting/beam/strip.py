@@ -25,7 +25,7 @@ _STEP = 0.1  # length of the ramp that stands for a step, as a share of the chan
 
 
 class ImpossibleShape(ValueError):
-    """The error of a rest shape whose width or depth is not positive everywhere."""
+    """The error of a rest shape whose width or depth is not positive everywhere, or which is bent too sharply."""
 
 
 class Strip:
@@ -34,7 +34,7 @@ class Strip:
     Raises
     ------
     ImpossibleShape
-        The width or the depth is not positive everywhere.
+        The width or the depth is not positive everywhere, or a radius of the centre line is at most half the width.
     """
 
     # ``straight``: the reference beam. ``is_straight``: whether the map is the identity.
@@ -64,6 +64,21 @@ class Strip:
             self.straight = replace(specimen, rest_shape=None, width_mm=sizes["width_mm"], depth_mm=sizes["depth_mm"])
         elif not self.is_straight:
             self.straight = replace(specimen, rest_shape=None)
+        if self._shape.turns:
+            self._check_radius()
+
+    def _check_radius(self) -> None:
+        # Where the radius of the centre line is at most half the width, the sides of the beam run backwards.
+        along = np.linspace(0, self._length, _FINE + 1)
+        curvature = np.abs(np.gradient(self.angle_rad(along), along))
+        sharpest = int(np.argmax(curvature * self.width_mm(along)))
+        half = 0.5 * float(self.width_mm(along[sharpest]))
+        if curvature[sharpest] * half >= 1:
+            raise ImpossibleShape(
+                f"the centre line has a radius of {1 / curvature[sharpest]:.3g} mm at {along[sharpest]:.3g} mm from "
+                f"the clamp, but should have a radius above half the width, {half:.3g} mm: give fewer or smoother "
+                "points"
+            )
 
     @property
     def kinks_mm(self) -> Array:
