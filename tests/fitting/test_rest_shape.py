@@ -111,6 +111,17 @@ def test_points_of_a_centre_line_give_its_angles():
     assert shape.angle_rad(np.array([0.0, 0.5, 1.0])) == pytest.approx([0.0, 0.25, 0.5], abs=2e-3)
 
 
+@pytest.mark.parametrize("turn_deg", [-190.0, 170.0, 540.0])
+def test_the_tip_of_a_strongly_bent_beam_rotates_without_jumps(turn_deg):
+    shape = RestShape(turns=tuple((s, np.radians(turn_deg) * s) for s in np.linspace(0, 1, 9)))
+    model = BeamModel(replace(STRIP, length_mm=120.0, rest_shape=shape), 12, 1)
+    loads = Loads.along(np.zeros(5), 90.0, None, tip_force_N=np.linspace(-3e-5, 3e-5, 5), tip_force_angle_deg=90.0)
+    rotation_deg = model.tip_angle_deg(model.solve(NEO, MU, loads))[0]
+    assert rotation_deg[2] == pytest.approx(0, abs=1e-6)
+    assert 1 < np.abs(rotation_deg).max() < 60
+    assert rotation_deg[0] * rotation_deg[4] < 0
+
+
 @pytest.mark.parametrize(
     ("points", "words"),
     [

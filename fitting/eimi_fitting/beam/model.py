@@ -208,9 +208,7 @@ class BeamModel:
             return np.degrees(shapes.rigid[..., 2])
         corners = self.mesh.column(-1)[[0, -1]]
         ends = self.mesh.nodes[corners] + shapes.displacement[:, :, corners]
-        across = ends[:, :, 1] - ends[:, :, 0]
-        tip_rad = self.grid.strip.angle_rad(np.array([self.specimen.length_mm]))[0]
-        return np.degrees(np.arctan2(-across[..., 0], across[..., 1]) - tip_rad)
+        return self.grid.strip.tip_rotation_deg(ends)
 
     def solve(
         self,

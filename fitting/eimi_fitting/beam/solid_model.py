@@ -98,9 +98,7 @@ class SolidModel:
             return np.degrees(shapes.rigid[..., 2])
         corners = self.mesh.numbers[-1, [0, -1], 0]
         ends = (self.mesh.nodes[corners] + shapes.displacement[:, :, corners])[..., :2]
-        across = ends[:, :, 1] - ends[:, :, 0]
-        tip_rad = self.grid.strip.angle_rad(np.array([self.specimen.length_mm]))[0]
-        return np.degrees(np.arctan2(-across[..., 0], across[..., 1]) - tip_rad)
+        return self.grid.strip.tip_rotation_deg(ends)
 
     def element_stretch(self, shapes: Shapes) -> Array:
         """Return the largest principal stretch in each element, for all candidate laws and load states."""

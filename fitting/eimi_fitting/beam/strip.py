@@ -105,6 +105,26 @@ class Strip:
         beyond = self._shape.angle_rad(np.array([self._far, *np.maximum(s, self._far).ravel()]) / self._length)
         return np.asarray(before + (beyond[1:] - beyond[0]).reshape(s.shape))
 
+    def tip_rotation_deg(self, ends_mm: Array) -> Array:
+        """Return the rotation of the cross-section at the tip from rest, above -180 and at most 180 degrees.
+
+        Parameters
+        ----------
+        ends_mm : ndarray, shape (..., 2, 2)
+            The ends (x, y) of the cross-section at negative and at positive distances from the centre line.
+
+        Returns
+        -------
+        ndarray, shape (...)
+            Rotations.
+        """
+        across = ends_mm[..., 1, :] - ends_mm[..., 0, :]
+        # The angle at rest may have any size. Turn the cross-section back by it before taking the angle.
+        at_rest = self.angle_rad(np.array([self._length]))[0]
+        c, s = np.cos(at_rest), np.sin(at_rest)
+        x, y = across[..., 0], across[..., 1]
+        return np.degrees(np.arctan2(-(c * x + s * y), c * y - s * x))
+
     @cached_property
     def _centre(self) -> scipy.interpolate.CubicHermiteSpline:
         ends = np.linspace(0, self._length, _FINE + 1)
