@@ -143,6 +143,17 @@ def test_a_step_is_a_ramp_that_ends_on_lines_of_the_mesh():
     assert grid.strip.width_mm(np.array([23.9, 24.4])) == pytest.approx([3.0, 6.0])
 
 
+@pytest.mark.parametrize("rib_mm", [4.0, 1.5, 1.0])
+def test_the_steps_of_a_narrow_rib_do_not_cross(rib_mm):
+    near, far = 30.0 - 0.5 * rib_mm, 30.0 + 0.5 * rib_mm
+    rib = tuple((s / LENGTH, more) for s, more in ((0, 0), (near, 0), (near, 10), (far, 10), (far, 0), (LENGTH, 0)))
+    model = BeamModel(replace(STRIP, rest_shape=RestShape(widths=rib)), 20, 3)
+    strip, ramp = model.grid.strip, min(1.0, 0.4 * rib_mm)
+    assert strip.kinks_mm == pytest.approx([near, near + ramp, far - ramp, far])
+    along = np.array([near - 0.1, near + 0.5 * ramp, 30.0, far - 0.5 * ramp, far + 0.1])
+    assert strip.width_mm(along) == pytest.approx([2.0, 7.0, 12.0, 7.0, 2.0])
+
+
 def test_a_width_that_decreases_to_zero_is_refused():
     with pytest.raises(ValueError, match="width_mm of the rest shape falls to"):
         BeamModel(replace(STRIP, rest_shape=RestShape(widths=((0.0, 0.0), (1.0, -2.5)))))

@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 
 _FINE = 512  # intervals of the integration of the centre line; Simpson's error is below 1e-9 of the length
 _STEP = 0.1  # length of the ramp that stands for a step, as a share of the change of the width
+_ROOM = 0.4  # largest ramp, as a share of the distance to the next row: a narrow rib keeps both ramps and a flat top
 
 
 class ImpossibleShape(ValueError):
@@ -234,7 +235,9 @@ def _without_steps(rows: Rows, length_mm: float, magnet_mm: tuple[float, float])
         ramp = _STEP * abs(after - before) / length_mm
         at_magnet = min(abs(share * length_mm - face) for face in magnet_mm) <= ramp * length_mm
         if (after > before) != at_magnet:
-            ramped[i + 1] = (share + ramp, after)
+            room = rows[i + 2][0] - share if i + 2 < len(rows) else np.inf
+            ramped[i + 1] = (share + min(ramp, _ROOM * room), after)
         else:
-            ramped[i] = (share - ramp, before)
+            room = share - rows[i - 1][0] if i > 0 else np.inf
+            ramped[i] = (share - min(ramp, _ROOM * room), before)
     return tuple(ramped)
