@@ -149,6 +149,8 @@ def fit_tensile(
     e, s = strain[used], stress_Pa[used]
     if not e.any():
         raise CannotFit("every strain is zero, but a fit needs strains that are not zero")
+    if not s.any():
+        raise CannotFit("every stress is zero, but a fit needs stresses that are not zero")
     solved = law.fit_stress(e, s, 1 / s if relative else np.ones_like(s))
     residual = engineering_stress(law, solved.parameters, e) - s
     modulus = float(law.initial_shear_modulus(solved.parameters))
@@ -178,8 +180,10 @@ def fit_tensile(
 def linear_least_squares(law: Law, strain: Array, stress: Array, weight: Array) -> StressFit:
     """Fit a law to a tensile curve if the stress is linear in all parameters.
 
-    Raises CannotFit if the strains do not determine all parameters.
+    Raises CannotFit if the strains do not determine all parameters, or if strain and stress have opposite signs.
     """
+    if strain @ stress <= 0:
+        raise CannotFit("strain and stress have opposite signs: check the signs of strain and stress")
     columns = _columns(law, strain, weight)
     size = np.linalg.norm(columns, axis=0)
     if not size.all() or np.linalg.matrix_rank(columns / size, tol=_DEPENDENT) < len(size):
@@ -207,8 +211,6 @@ def bounded_least_squares(law: Law, strain: Array, stress: Array, weight: Array)
     bounded = law.coordinates[1:]
     lower, upper = np.array([c.lower for c in bounded]), np.array([c.upper for c in bounded])
     target = weight * stress
-    if not target.any():
-        raise CannotFit("every stress is zero, but a fit needs stresses that are not zero")
 
     def curve(x: Array) -> Array:
         return weight * engineering_stress(law, law.from_coordinates(x[None]), strain)[0]

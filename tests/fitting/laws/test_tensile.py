@@ -118,9 +118,13 @@ def test_a_curve_with_fewer_strains_than_parameters_is_refused(model: str, strai
 
 
 @pytest.mark.parametrize("model", LAWS)
-def test_a_curve_without_strain_is_refused(model: str) -> None:
+def test_a_curve_without_strain_or_stress_or_with_a_wrong_sign_is_refused(model: str) -> None:
     with pytest.raises(CannotFit, match="every strain is zero, but a fit needs strains that are not zero"):
         fit_tensile(LAWS[model], np.zeros(8), np.full(8, 1e3))
+    with pytest.raises(CannotFit, match="every stress is zero, but a fit needs stresses that are not zero"):
+        fit_tensile(LAWS[model], STRAIN, np.zeros(60))
+    with pytest.raises(CannotFit, match="check the signs of strain and stress"):
+        fit_tensile(LAWS[model], STRAIN, -30e3 * STRAIN)
 
 
 # Least-squares fits to the engineering stress of the rows in the window, computed by an independent script. Each line:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from eimi_fitting.laws import LAWS
 from eimi_fitting.laws.law import Law
-from eimi_fitting.laws.tensile import CannotFit, engineering_stress, fit_tensile
+from eimi_fitting.laws.tensile import engineering_stress, fit_tensile
 
 Array = NDArray[np.float64]
 
@@ -66,8 +66,6 @@ class TensileEvidence:
         """Estimate the noise of a tensile curve from the fit of a law to this curve."""
         # `model` is the name of the law. Raises CannotFit if the curve has too few points, or if all stresses are zero.
         largest = float(np.abs(curve.stress_Pa).max(initial=0.0))
-        if largest == 0.0:
-            raise CannotFit("every stress is zero, but a fit needs stresses that are not zero")
         alone = fit_tensile(LAWS[model], curve.strain, curve.stress_Pa)
         # The noise is sqrt(Q / (m - n)) for the sum Q of the squared residuals, m points and n parameters. A curve that
         # the law cannot describe has a large noise and therefore little effect.
