@@ -97,5 +97,10 @@ def test_unusable_libraries_and_missing_data_are_refused():
         discover([], [curve], library=[Term.of("i1"), Term.of("i1")])
     with pytest.raises(ValueError, match="at least one"):
         discover([], [])
+    hardening = engineering_stress(SumOfTerms.of("i1", "i1^3"), np.array([-20e3, 35.0]), curve.strain)
+    with pytest.raises(CannotFit, match="no set of terms with positive coefficients fits the data"):
+        discover([], [replace(curve, stress_Pa=hardening)], library=[Term.of("i1"), Term.of("i1^3")])
+    with pytest.raises(CannotFit, match="check the signs of strain and stress"):
+        discover([], [replace(curve, stress_Pa=-curve.stress_Pa)])
     with pytest.raises(CannotFit, match="rows"):
         discover([], [replace(curve, strain=curve.strain[:4], stress_Pa=curve.stress_Pa[:4])])

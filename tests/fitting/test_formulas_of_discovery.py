@@ -198,13 +198,15 @@ def test_rows_of_a_curve_are_predicted_in_blocks_of_twice_the_correlation_length
     assert rows.observed == pytest.approx(curve.stress_Pa / noise_Pa / np.sqrt(tau))
 
 
-def test_a_curve_needs_one_row_more_than_terms_and_a_stress():
+def test_a_curve_needs_one_row_more_than_terms_and_a_stress_of_the_right_sign():
     strain = np.array([0.1, 0.2])
     with pytest.raises(CannotFit, match="has 2 rows; a library of 2 terms needs at least 3 rows"):
         tensile_rows(TensileCurve(strain, strain), [I1, I2])
     assert len(tensile_rows(TensileCurve(strain, 3e3 * strain), [I1])[0].observed) == 2
     with pytest.raises(CannotFit, match="every stress is zero"):
         tensile_rows(TensileCurve(strain, 0 * strain), [I1])
+    with pytest.raises(CannotFit, match="no term has stresses of this sign: check the signs of strain and stress"):
+        tensile_rows(TensileCurve(strain, -3e3 * strain), [I1])
 
 
 # Bent beams

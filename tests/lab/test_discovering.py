@@ -45,6 +45,14 @@ def strip(tmp_path: Path, run) -> Path:
     return tmp_path
 
 
+def test_a_curve_with_a_wrong_sign_is_refused_in_one_line(strip: Path, run) -> None:
+    (strip / "wrong.csv").write_text((strip / "curve.csv").read_text().replace(",", ",-"))
+    (strip / "wrong.csv").write_text((strip / "wrong.csv").read_text().replace("strain,-stress", "strain,stress"))
+    arguments = ("discover", strip / "strip.h5", "--tensile", strip / "wrong.csv", "-o", strip / "out.json")
+    words = "no term has stresses of this sign: check the signs of strain and stress"
+    assert run(*arguments) == (2, f"eimi: {strip / 'wrong.csv'}: {words}\n")
+
+
 def test_the_terms_of_a_law_are_found_only_with_a_tensile_curve(strip: Path, run) -> None:
     both, alone = strip / "both.json", strip / "alone.json"
     assert run("discover", strip / "strip.h5", "--tensile", strip / "curve.csv", "-o", both)[0] == 0

@@ -44,7 +44,7 @@ def tensile_rows(curve: TensileCurve, terms: Sequence[Term]) -> tuple[Rows, floa
     Raises
     ------
     CannotFit
-        If the curve has too few rows, or if every stress is zero.
+        If the curve has too few rows, if every stress is zero, or if no term has stresses of this sign.
     """
     count = len(curve.strain)
     if count <= len(terms):
@@ -59,6 +59,8 @@ def tensile_rows(curve: TensileCurve, terms: Sequence[Term]) -> tuple[Rows, floa
     noise_Pa = max(float(np.sqrt(residuals_Pa @ residuals_Pa / freedom)), floor_Pa)
     if noise_Pa == 0.0:
         raise CannotFit("every stress is zero, but a fit needs stresses that are not zero")
+    if not coefficients.any():
+        raise CannotFit("no term has stresses of this sign: check the signs of strain and stress")
     tau = correlation_length(residuals_Pa[None], np.ones((1, count)))
     scale = np.sqrt(curve.weight / tau) / noise_Pa
     block = 1 if tau < 2 else int(np.ceil(2 * tau))

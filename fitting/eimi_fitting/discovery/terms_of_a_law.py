@@ -18,6 +18,7 @@ from eimi_fitting.discovery.tensile_rows import largest_x, stress_columns, tensi
 from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.tensile_curves import TensileCurve
 from eimi_fitting.inference.identification import identify
+from eimi_fitting.laws.law import CannotFit
 from eimi_fitting.laws.stability import stable_up_to
 from eimi_fitting.laws.sum_of_terms import SumOfTerms, Term
 
@@ -170,7 +171,7 @@ def discover(
         If there are no data, if the library contains a term twice, or if no usable term contributes to the initial
         shear modulus.
     CannotFit
-        If a tensile curve cannot be used.
+        If a tensile curve cannot be used, or if no set of terms with positive coefficients fits the data.
     NoEquilibrium
         If a beam has no equilibrium for a law close to the solution.
     Exception
@@ -218,6 +219,8 @@ def _supports(rows: Rows, has_modulus: NDArray[np.bool_], most_terms: int) -> tu
     # Fit all small sets of terms. If even the best set has too large errors, the assumed noise is increased. The
     # results: the equations divided by the final noise, the fitted sets, and the factor (at least 1) of the noise.
     fitted = supports(rows, has_modulus, most_terms)
+    if not fitted:
+        raise CannotFit("no set of terms with positive coefficients fits the data")
     noise_factor = fitted[0].held_out_error
     if noise_factor <= 1.0:
         return rows, fitted, 1.0
