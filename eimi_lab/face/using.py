@@ -439,4 +439,5 @@ def card_of(
     records = [fitted_law.fit for fitted_law in fitted_laws]
     (name,) = check_models([_law_among(fitted_laws, model, index)])
     chosen = choose_fit(fitted_laws[0].path, records, name, index)
-    return card(fitted_laws[0].path, chosen, solver, bulk_modulus_Pa(chosen, bulk_modulus_kPa, bulk_ratio)), chosen
+    bulk_Pa = bulk_modulus_Pa(chosen, solver, bulk_modulus_kPa, bulk_ratio)
+    return card(fitted_laws[0].path, chosen, solver, bulk_Pa), chosen

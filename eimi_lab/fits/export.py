@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from eimi_fitting.laws import LAWS
-from eimi_fitting.laws.cards import SOLVERS, Material, NotInSolver, material_card
+from eimi_fitting.laws.cards import INSTANTANEOUS, SOLVERS, Material, NotInSolver, material_card
 from eimi_fitting.laws.prony import Prony
 from eimi_lab.fits.law_record import HELD
 from eimi_lab.fits.records import FitRecord
 from eimi_lab.fits.tensile_record import TensileRecord
-from eimi_lab.fits.time_records import RingDownRecord
+from eimi_lab.fits.time_records import LawOfTime, RingDownRecord
 from eimi_lab.process.errors import InputError
 
 AnyFit = FitRecord | TensileRecord | RingDownRecord
@@ -64,8 +64,10 @@ def _window(fit: AnyFit) -> str:
     return f", window {fit.window()}" if isinstance(fit, TensileRecord) else ""
 
 
-def bulk_modulus_Pa(fit: AnyFit, bulk_modulus_kPa: float | None, bulk_ratio: float | None) -> float:
+def bulk_modulus_Pa(fit: AnyFit, solver: str, bulk_modulus_kPa: float | None, bulk_ratio: float | None) -> float:
     """Return the bulk modulus (Pa), from a value in kPa or from the ratio of bulk modulus to initial shear modulus.
+
+    The initial shear modulus is that of the card for the program `solver`.
 
     Raises
     ------
@@ -82,7 +84,24 @@ def bulk_modulus_Pa(fit: AnyFit, bulk_modulus_kPa: float | None, bulk_ratio: flo
     )
     if stated is None or not 0 < stated < np.inf:
         raise InputError(f"{name} {stated}: should be a finite number above 0")
-    return stated * (fit.initial_shear_modulus.value if bulk_modulus_kPa is None else 1e3)
+    return stated * (_shear_modulus_Pa(fit, solver) if bulk_modulus_kPa is None else 1e3)
+
+
+def _time(fit: AnyFit) -> LawOfTime | None:
+    return None if isinstance(fit, TensileRecord) else fit.time
+
+
+def _series(time: LawOfTime) -> Prony:
+    return Prony(np.array([term.g for term in time.prony]), np.array([term.tau_s for term in time.prony]))
+
+
+def _shear_modulus_Pa(fit: AnyFit, solver: str) -> float:
+    """Return the initial shear modulus in the card of a fit: that of the fit, instantaneous, or of the long term."""
+    time = _time(fit)
+    if time is None:
+        return fit.initial_shear_modulus.value
+    instantaneous = time.instantaneous_shear_modulus.value
+    return instantaneous if solver in INSTANTANEOUS else instantaneous * float(_series(time).long_term)
 
 
 def card(path: Path, fit: AnyFit, solver: str, bulk_Pa: float) -> str:
@@ -95,25 +114,31 @@ def card(path: Path, fit: AnyFit, solver: str, bulk_Pa: float) -> str:
         np.array(fit.values()),
         bulk_Pa,
         re.sub(r"[^A-Za-z0-9_-]", "_", f"EIMI_{fit.model}").upper().replace("-", "_"),
-        tuple(_origin(path, fit)),
+        tuple(_origin(path, fit, solver)),
     )
-    time = None if isinstance(fit, TensileRecord) else fit.time
+    time = _time(fit)
     if time is not None:
         # The proportions of the parameters are those of the fit, their size is that of the instantaneous modulus.
         factor = time.instantaneous_shear_modulus.value / fit.initial_shear_modulus.value
         is_modulus = np.array([unit == "Pa" for unit in material.law.units])
-        series = Prony(np.array([term.g for term in time.prony]), np.array([term.tau_s for term in time.prony]))
         parameters = np.where(is_modulus, factor * material.parameters, material.parameters)
-        material = replace(material, parameters=parameters, relaxation=series)
+        material = replace(material, parameters=parameters, relaxation=_series(time))
     try:
         return material_card(solver, material)
     except (NotInSolver, ValueError) as error:
         raise InputError(f"{path}: {fit.model}: {error}") from error
 
 
-def _origin(path: Path, fit: AnyFit) -> list[str]:
+def _origin(path: Path, fit: AnyFit, solver: str) -> list[str]:
     """Return the comment lines of a material card: data, largest strain, intervals and doubts."""
     lines = fit.caveats()
+    if _time(fit) is not None:
+        of_fit = fit.initial_shear_modulus.value
+        lines.insert(
+            0,
+            f"the moduli above are {_shear_modulus_Pa(fit, solver) / of_fit:.4g} times those of the fit, whose initial "
+            f"shear modulus is {of_fit:.6g} Pa; the intervals below are those of the fit",
+        )
     held = fit.held_by_bounds()
     for name, quantity in fit.parameters.items():
         low, high = (end + 0.0 for end in quantity.interval_95)  # no negative zeros

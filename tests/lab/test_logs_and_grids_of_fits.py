@@ -466,17 +466,17 @@ def test_the_fit_of_a_card_is_chosen_by_its_law_and_its_index() -> None:
 
 def test_a_bulk_modulus_is_stated_in_kilopascal_or_as_a_ratio() -> None:
     fit = fit_of("yeoh")
-    assert export.bulk_modulus_Pa(fit, 250.0, None) == 250e3
-    assert export.bulk_modulus_Pa(fit, None, 2000.0) == 2000 * 40e3
+    assert export.bulk_modulus_Pa(fit, "abaqus", 250.0, None) == 250e3
+    assert export.bulk_modulus_Pa(fit, "abaqus", None, 2000.0) == 2000 * 40e3
     for given in ((None, None), (1.0, 2.0)):
         with pytest.raises(InputError, match="give either --bulk-modulus-kPa or --bulk-ratio"):
-            export.bulk_modulus_Pa(fit, *given)
+            export.bulk_modulus_Pa(fit, "abaqus", *given)
     for wrong in (0.0, -1.0, np.inf, np.nan):
         with pytest.raises(InputError, match=f"^--bulk-modulus-kPa {wrong}: should be a finite number above 0"):
-            export.bulk_modulus_Pa(fit, wrong, None)
+            export.bulk_modulus_Pa(fit, "abaqus", wrong, None)
         with pytest.raises(InputError, match=f"^--bulk-ratio {wrong}: should be"):
-            export.bulk_modulus_Pa(fit, None, wrong)
-    assert export.bulk_modulus_Pa(fit, 1e-300, None) == pytest.approx(1e-297)
+            export.bulk_modulus_Pa(fit, "abaqus", None, wrong)
+    assert export.bulk_modulus_Pa(fit, "abaqus", 1e-300, None) == pytest.approx(1e-297)
     assert export.check_solver("abaqus") == "abaqus"
     with pytest.raises(InputError, match=r"--to abacus: should be one of .*abaqus"):
         export.check_solver("abacus")
@@ -512,7 +512,7 @@ def test_the_comments_of_a_card_tell_its_data_and_its_intervals() -> None:
         f"alpha 95 % interval 0 to 1.23457, {export.HELD}",
     ]
     end = "taken from fits.json by eimi-lab 9.8"
-    assert export._origin(Path("in/fits.json"), fit_of("ogden")) == [
+    assert export._origin(Path("in/fits.json"), fit_of("ogden"), "abaqus") == [
         "a caveat",
         *intervals,
         "fitted to bending up to a largest principal stretch of 1.235",
@@ -520,7 +520,7 @@ def test_the_comments_of_a_card_tell_its_data_and_its_intervals() -> None:
         "and from the tensile test pull.csv (sha256 34cd)",
         end,
     ]
-    assert export._origin(Path("fits.json"), tensile_fit("50 %"))[3:] == [
+    assert export._origin(Path("fits.json"), tensile_fit("50 %"), "abaqus")[3:] == [
         "fitted to uniaxial tension up to an engineering strain of 0.5",
         "from pull.csv (sha256 56ef), window 50 %",
         end,
@@ -528,7 +528,7 @@ def test_the_comments_of_a_card_tell_its_data_and_its_intervals() -> None:
     ringing = RingDownRecord.__new__(RingDownRecord)
     for name, value in fit_of("ogden", versions={}).__dict__.items():
         object.__setattr__(ringing, name, value)
-    assert export._origin(Path("fits.json"), ringing)[3:] == [
+    assert export._origin(Path("fits.json"), ringing, "abaqus")[3:] == [
         "from run.h5: 3 states (sha256 12ab), solid",
         "taken from fits.json by eimi-lab",
     ]

@@ -295,3 +295,6 @@ SOLVERS: dict[str, Callable[[Material], str]] = {
     "febio": _febio,
     "sofa": _sofa,
 }
+
+INSTANTANEOUS = ("abaqus", "ansys")
+"""The programs whose cards contain the instantaneous moduli of a material that relaxes, not its long-term moduli."""

@@ -147,4 +147,4 @@ def test_the_figures_of_a_notebook_are_in_kilopascal_and_micrometres() -> None:
 def test_a_material_card_has_the_stated_bulk_modulus(
     fit: FitRecord, kPa: float | None, ratio: float | None, expected: float
 ) -> None:
-    assert bulk_modulus_Pa(fit, kPa, ratio) == pytest.approx(expected)
+    assert bulk_modulus_Pa(fit, "abaqus", kPa, ratio) == pytest.approx(expected)
