@@ -145,7 +145,7 @@ def _origin(path: Path, fit: AnyFit, solver: str) -> list[str]:
         unit = "" if quantity.unit == "1" else f" {quantity.unit}"
         lines.append(f"{name} 95 % interval {low:.6g} to {high:.6g}{unit}{', ' + HELD if name in held else ''}")
     if isinstance(fit, TensileRecord):
-        lines.append(f"fitted to uniaxial tension up to an engineering strain of {fit.max_stretch - 1:.4g}")
+        lines.append(f"fitted to a uniaxial test up to a largest principal stretch of {fit.max_stretch:.4g}")
         lines.append(f"from {fit.source.path} (sha256 {fit.source.sha256}), window {fit.window()}")
     elif isinstance(fit, RingDownRecord):
         lines += [f"from {d.in_words()} (sha256 {d.sha256}), {d.section}" for d in fit.datasets]

@@ -78,7 +78,7 @@ def read_curve(path: Path, percent: float | None, weight: float) -> FileCurve:
         If the file cannot be read, or if fewer than five rows remain.
     """
     test = read_tensile(path)
-    inside = test.strain <= (float("inf") if percent is None else percent / 100)
+    inside = np.abs(test.strain) <= (float("inf") if percent is None else percent / 100)
     if inside.sum() < _ROWS:
         raise InputError(f"{path}: {inside.sum()} rows up to the largest strain to fit; a fit needs at least {_ROWS}")
     return FileCurve(test.strain[inside], test.stress_Pa[inside], weight, str(path), test.sha256, percent)

@@ -49,7 +49,7 @@ def fit_window(test: TensileTest, model: str, window_percent: float | None, rela
         unit = f"; the strains reach {100 * most:g} %: name a column in per cent strain_percent" if most > 1 else ""
         raise InputError(f"{test.path}: {window}: {error}{unit}") from error
     low, high = fit.initial_shear_modulus_interval_Pa
-    used = test.stress_Pa[test.strain <= largest]
+    used = test.stress_Pa[np.abs(test.strain) <= largest]
     return TensileRecord(
         model=model,
         parameters={
@@ -59,7 +59,7 @@ def fit_window(test: TensileTest, model: str, window_percent: float | None, rela
             )
         },
         initial_shear_modulus=Quantity(fit.initial_shear_modulus_Pa, "Pa", (low, high)),
-        max_stretch=1 + fit.max_strain,
+        max_stretch=fit.max_stretch,
         stability=Stability(
             criterion="Drucker",
             stable_up_to_stretch=fit.stable_to,
@@ -103,9 +103,9 @@ def _doubts(fit: TensileFit, stress_Pa: float) -> Iterator[Doubt]:
             "strains",
             kind="modulus_open",
         )
-    if fit.stable_to is not None and fit.stable_to < 1 + fit.max_strain:
+    if fit.stable_to is not None and fit.stable_to < fit.max_stretch:
         yield Doubt(
             f"the law is not Drucker-stable beyond a stretch of {fit.stable_to:.2f}, but the curve extends to "
-            f"{1 + fit.max_strain:.2f}: a simulation may fail there",
+            f"{fit.max_stretch:.2f}: a simulation may fail there",
             kind="unstable",
         )

@@ -69,6 +69,16 @@ def test_a_gent_term_is_left_out_if_the_curve_exceeds_its_limit():
     assert "gent=20" not in [term.name for term in discovery.library]
 
 
+def test_a_compression_test_reaches_its_largest_compression():
+    strain = np.linspace(-0.02, -0.88, 60)
+    stress = engineering_stress(LAWS["neo-hookean"], np.array([46e3]), strain)
+    noisy = stress * (1 + np.random.default_rng(1).normal(0, 1e-3, 60))
+    library = [Term.of(name) for name in ("i1", "gent=10", "gent=20")]
+    discovery = discover([], [TensileCurve(strain, noisy)], library=library)
+    assert discovery.strain == -0.88
+    assert [term.name for term in discovery.left_out] == ["gent=10"]  # I1 - 3 reaches 13.7
+
+
 def test_prediction_errors_equal_those_of_a_fit_without_the_left_out_rows():
     rng = np.random.default_rng(2)
     columns, nuisances = rng.uniform(0.5, 1.5, (40, 3)), rng.normal(size=(40, 1))

@@ -160,8 +160,9 @@ def test_a_column_of_a_tensile_curve_is_the_stress_of_one_term():
     assert columns[:, 1] == pytest.approx(1 - stretch**-3)
 
 
-def test_the_largest_x_of_a_curve_is_that_of_its_largest_strain():
+def test_the_largest_x_of_a_curve_is_that_of_its_largest_extension_or_compression():
     assert largest_x(np.array([0.5, 1.0, 0.2])) == pytest.approx(4 + 1 - 3)
+    assert largest_x(np.array([-0.02, -0.8, 0.2])) == pytest.approx(0.04 + 10 - 3)
 
 
 def test_an_exact_curve_gets_a_noise_of_a_ten_thousandth_of_its_largest_stress():

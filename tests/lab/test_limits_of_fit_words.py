@@ -333,7 +333,7 @@ def test_a_replayed_generation_may_differ_by_rounding_errors_only() -> None:
 
 def tensile(**more: Any) -> Any:
     given = {"rows_left_out": 0, "rmse_Pa": 9.9, "initial_shear_modulus_interval_Pa": (1.0, 2.0), "stable_to": None,
-             "max_strain": 0.5}  # fmt: skip
+             "max_stretch": 1.5}  # fmt: skip
     return SimpleNamespace(**(given | more))
 
 

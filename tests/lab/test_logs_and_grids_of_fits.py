@@ -521,7 +521,7 @@ def test_the_comments_of_a_card_tell_its_data_and_its_intervals() -> None:
         end,
     ]
     assert export._origin(Path("fits.json"), tensile_fit("50 %"), "abaqus")[3:] == [
-        "fitted to uniaxial tension up to an engineering strain of 0.5",
+        "fitted to a uniaxial test up to a largest principal stretch of 1.5",
         "from pull.csv (sha256 56ef), window 50 %",
         end,
     ]

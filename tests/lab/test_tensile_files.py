@@ -111,6 +111,19 @@ def test_any_text_is_read_or_refused_in_one_line(tmp_path_factory: pytest.TempPa
     assert np.isfinite([test.strain, test.stress_Pa]).all()
 
 
+def test_a_compression_test_is_fitted_in_its_window(run: Run, tmp_path: Path) -> None:
+    strain = np.linspace(-0.02, -0.6, 30)
+    stress_kPa = 46 * (1 + strain - (1 + strain) ** -2)
+    rows = (f"{e},{s}" for e, s in zip(strain, stress_kPa, strict=True))
+    (tmp_path / "pressed.csv").write_text("\n".join(["strain,stress_kPa", *rows]) + "\n")
+    output = tmp_path / "fits.json"
+    arguments = ("--model", "neo-hookean", "--window", "21", "--window", "full", "-o", output)
+    assert run("tensile", tmp_path / "pressed.csv", *arguments)[0] == 0
+    fits = json.loads(output.read_text())["fits"]
+    assert [fit["rows"] for fit in fits] == [10, 30]
+    assert [fit["max_stretch"] for fit in fits] == pytest.approx([0.8**-0.5, 0.4**-0.5])
+
+
 def test_a_negative_initial_modulus_is_a_result_but_cannot_be_a_card(run: Run, tmp_path: Path) -> None:
     # A Mooney-Rivlin fit to a stiffening curve may have a negative modulus, which no solver accepts.
     strain = np.linspace(0.2, 7.0, 60)
@@ -196,7 +209,7 @@ def test_a_card_names_its_source(run: Run, fits: Path, solver: str) -> None:
         "curve.csv",
         "sha256",
         "window full",
-        "engineering strain of 1.2",
+        "largest principal stretch of 2.2",
         "fits.json",
         "chosen for this card",
     ):

@@ -25,10 +25,10 @@ def stress_columns(terms: Sequence[Term], strain: Array) -> Array:
 
 
 def largest_x(strain: Array) -> float:
-    """Return I1 - 3 of an incompressible material at the largest strain of a tensile test."""
+    """Return the largest value of I1 - 3 of an incompressible material in a uniaxial test."""
     # I1 is the first invariant.
-    stretch = 1 + float(np.max(strain))
-    return stretch**2 + 2 / stretch - 3
+    stretch = 1 + strain
+    return float(np.max(stretch**2 + 2 / stretch - 3))
 
 
 def tensile_rows(curve: TensileCurve, terms: Sequence[Term]) -> tuple[Rows, float]:

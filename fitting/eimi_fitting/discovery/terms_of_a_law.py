@@ -21,6 +21,7 @@ from eimi_fitting.inference.identification import identify
 from eimi_fitting.laws.law import CannotFit
 from eimi_fitting.laws.stability import stable_up_to
 from eimi_fitting.laws.sum_of_terms import SumOfTerms, Term
+from eimi_fitting.laws.tensile import strain_reached
 
 Array = NDArray[np.float64]
 
@@ -66,7 +67,7 @@ class Discovery:
         Terms that the data neither require nor exclude, and the share of the stress at ``strain`` that each could
         carry; empty if there are several alternatives.
     strain : float
-        Largest engineering strain of the tensile curves; 1 without a curve.
+        Engineering strain of the tensile curves with the largest principal stretch; 1 without a curve.
     library : tuple of Term
         Terms that were tried.
     left_out : tuple of Term
@@ -200,7 +201,7 @@ def discover(
     if not parts:
         raise ValueError("give at least one bent beam or one tensile curve")
     rows, fitted, noise_factor = _supports(Rows.joined(parts), has_modulus, most_terms)
-    strain = max((float(np.max(curve.strain)) for curve in curves), default=_DEFAULT_STRAIN)
+    strain = strain_reached(np.concatenate([curve.strain for curve in curves])) if curves else _DEFAULT_STRAIN
     smallest = minimal(fitted)
     return Discovery(
         alternatives=tuple(_alternative(support, terms, noise_factor) for support in smallest),

@@ -46,7 +46,7 @@ class TensileFit:
     rows, rows_left_out
         Number of used rows, and of rows left out because their stress is not positive.
     max_strain
-        Largest engineering strain of the used rows.
+        Engineering strain of the used row with the largest principal stretch.
     correlation_rows
         Correlation length of the residuals in rows.
     correlation
@@ -70,6 +70,26 @@ class TensileFit:
     correlation: Array
     not_fixed: tuple[str, ...]
     stable_to: float | None
+
+    @property
+    def max_stretch(self) -> float:
+        """The largest principal stretch of the used rows, which in compression is that across the specimen."""
+        return float(_principal_stretch(np.array(self.max_strain)))
+
+
+def _principal_stretch(strain: Array) -> Array:
+    return np.maximum(1 + strain, (1 + strain) ** -0.5)
+
+
+def strain_reached(strain: Array) -> float:
+    """Return the engineering strain with the largest principal stretch in a uniaxial test; negative in compression.
+
+    Examples
+    --------
+    >>> strain_reached(np.array([0.1, 0.5])), strain_reached(np.array([-0.1, -0.5]))
+    (0.5, -0.5)
+    """
+    return float(strain[np.argmax(_principal_stretch(strain))])
 
 
 def engineering_stress(law: Law, parameters: Array, strain: Array) -> Array:
@@ -118,7 +138,7 @@ def fit_tensile(
     strain, stress_Pa
         (m,) engineering strains, and engineering stresses in Pa.
     largest_strain
-        Rows with a larger strain are ignored.
+        Rows with a larger magnitude of the strain are ignored.
     relative
         Divide each residual by the measured stress, and leave out rows without a positive stress.
 
@@ -140,7 +160,7 @@ def fit_tensile(
     >>> fit_tensile(LAWS["neo-hookean"], strain, stress).parameters.round(3)
     array([46000.])
     """
-    window = strain <= largest_strain
+    window = np.abs(strain) <= largest_strain
     used = window & (stress_Pa > 0) if relative else window
     n = len(law.parameter_names)
     if used.sum() <= n:
@@ -169,7 +189,7 @@ def fit_tensile(
         rmse_Pa=float(np.sqrt(np.mean(residual**2))),
         rows=int(used.sum()),
         rows_left_out=int(window.sum() - used.sum()),
-        max_strain=float(e.max()),
+        max_strain=strain_reached(e),
         correlation_rows=solved.correlation_rows,
         correlation=solved.correlation,
         not_fixed=not_fixed,

@@ -127,6 +127,15 @@ def test_a_curve_without_strain_or_stress_or_with_a_wrong_sign_is_refused(model:
         fit_tensile(LAWS[model], STRAIN, -30e3 * STRAIN)
 
 
+def test_the_window_of_a_compression_test_selects_the_small_strains() -> None:
+    strain = np.linspace(-0.02, -0.6, 30)
+    stress = 46e3 * ((1 + strain) - (1 + strain) ** -2)
+    window, whole = (fit_tensile(LAWS["neo-hookean"], strain, stress, largest_strain=most) for most in (0.21, np.inf))
+    assert (window.rows, window.max_strain) == (10, pytest.approx(-0.2))
+    assert (whole.rows, whole.max_strain) == (30, -0.6)
+    assert whole.max_stretch == pytest.approx(0.4**-0.5)
+
+
 # Least-squares fits to the engineering stress of the rows in the window, computed by an independent script. Each line:
 # material and window (%): mu [RMSE]; C10, C01 [RMSE]; C10, C20, C30 [RMSE], all in kPa.
 REFERENCE = """
