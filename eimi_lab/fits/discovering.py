@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from eimi_fitting.discovery.bending_rows import NoEquilibrium
-from eimi_fitting.discovery.terms_of_a_law import LIBRARY, Alternative, Discovery, discover
+from eimi_fitting.discovery.terms_of_a_law import LIBRARY, Alternative, Discovery, UnusableLibrary, discover
 from eimi_fitting.laws import CannotFit
 from eimi_fitting.laws.sum_of_terms import SumOfTerms, Term
 from eimi_lab.fits.evidence import Evidence
@@ -40,14 +40,20 @@ def discovered(evidence: Sequence[Evidence], curves: Sequence[FileCurve], **opti
     try:
         return discover([dataset.experiment for dataset in evidence], curves, **options)
     except CannotFit as error:
-        raise InputError(f"{', '.join(curve.path for curve in curves)}: {error}") from error
+        names = ", ".join(curve.path for curve in curves) or _names(evidence)
+        raise InputError(f"{names}: {error}") from error
     except REFUSALS as error:
         raise refused(error, evidence) from error
     except NoEquilibrium as error:
-        names = ", ".join(str(dataset.path) for dataset in evidence)
-        raise InputError(f"{names}: the beam has no equilibrium with the law fitted to the tensile curves") from error
-    except ValueError as error:
+        raise InputError(
+            f"{_names(evidence)}: the beam has no equilibrium with the law fitted to the tensile curves"
+        ) from error
+    except UnusableLibrary as error:
         raise InputError(f"--term: {error}") from error
+
+
+def _names(evidence: Sequence[Evidence]) -> str:
+    return ", ".join(str(dataset.path) for dataset in evidence)
 
 
 def library_of(names: Sequence[str]) -> tuple[Term, ...]:

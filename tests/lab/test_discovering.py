@@ -45,6 +45,16 @@ def strip(tmp_path: Path, run) -> Path:
     return tmp_path
 
 
+def test_a_dataset_with_one_point_is_refused_by_its_name(strip: Path, run) -> None:
+    rows = (strip / "points.csv").read_text().splitlines()
+    (strip / "one.csv").write_text("\n".join([rows[0], rows[9]]) + "\n")
+    (strip / "state.csv").write_text("state,field_mT,tip_force_N\n0,0,0.001\n")
+    tables = ("--states", strip / "state.csv", "--specimen", strip / "strip.toml", "--gravity-angle", "90")
+    assert run("import", strip / "one.csv", *tables, "-o", strip / "one.h5") == (0, "")
+    words = "the data have 2 measured values; laws of up to 3 terms need at least 4"
+    assert run("discover", strip / "one.h5", "-o", strip / "d.json") == (2, f"eimi: {strip / 'one.h5'}: {words}\n")
+
+
 def test_a_curve_with_a_wrong_sign_is_refused_in_one_line(strip: Path, run) -> None:
     (strip / "wrong.csv").write_text((strip / "curve.csv").read_text().replace(",", ",-"))
     (strip / "wrong.csv").write_text((strip / "wrong.csv").read_text().replace("strain,-stress", "strain,stress"))

@@ -14,6 +14,7 @@ import pytest
 
 from eimi_fitting import LAWS, Loads
 from eimi_fitting.discovery.bending_rows import NoEquilibrium
+from eimi_fitting.discovery.terms_of_a_law import UnusableLibrary
 from eimi_fitting.inference.evidence.quantity import Quantity
 from eimi_fitting.inference.planning.design_of_experiment import Candidates
 from eimi_fitting.inference.planning.rival_laws import Rivals
@@ -253,7 +254,7 @@ CURVE: Any = SimpleNamespace(path="pull.csv", sha256="34", window_percent=50.0)
         (CannotFit("too few rows"), "^pull.csv: too few rows$"),
         (NothingActs("nothing bends the beam"), r"^a\.h5: nothing bends the beam$"),
         (NoEquilibrium(), r"^a\.h5: the beam has no equilibrium with the law fitted to the tensile curves$"),
-        (ValueError("two terms are equal"), "^--term: two terms are equal$"),
+        (UnusableLibrary("two terms are equal"), "^--term: two terms are equal$"),
     ],
 )
 def test_a_discovery_that_cannot_be_made_is_refused(
@@ -266,6 +267,9 @@ def test_a_discovery_that_cannot_be_made_is_refused(
     monkeypatch.setattr(discovering, "discover", discover)
     with pytest.raises(InputError, match=words):
         discovering.discovered([DATA], [CURVE])
+    if isinstance(error, CannotFit):
+        with pytest.raises(InputError, match=r"^a\.h5: too few rows$"):
+            discovering.discovered([DATA], [])
     checked: list[Any] = []
     monkeypatch.setattr(discovering, "check_evidence", checked.extend)
     monkeypatch.setattr(discovering, "discover", lambda *given, **options: (given, options))

@@ -37,6 +37,10 @@ _DEFAULT_STRAIN = 1.0  # at which the stress is compared if there is no tensile 
 _NOISE_ALONE = 1.5  # a held-out error above this cannot be noise alone
 
 
+class UnusableLibrary(ValueError):
+    """The error of a library that contains a term twice, or no usable term that adds to the initial shear modulus."""
+
+
 @dataclass(frozen=True)
 class Alternative:
     """A hyperelastic law that agrees with the data."""
@@ -169,10 +173,12 @@ def discover(
     Raises
     ------
     ValueError
-        If there are no data, if the library contains a term twice, or if no usable term contributes to the initial
-        shear modulus.
+        If there are no data.
+    UnusableLibrary
+        If the library contains a term twice, or if no usable term contributes to the initial shear modulus.
     CannotFit
-        If a tensile curve cannot be used, or if no set of terms with positive coefficients fits the data.
+        If a tensile curve cannot be used, if there are too few measured values, or if no set of terms with positive
+        coefficients fits the data.
     NoEquilibrium
         If a beam has no equilibrium for a law close to the solution.
     Exception
@@ -195,6 +201,8 @@ def discover(
     parts = curve_rows
     noise_mm: list[float] = []
     if experiments:
+        if not curves:
+            _check_number(experiments, min(most_terms, len(terms)))
         about = _near(_modulus_Pa(experiments, modulus_Pa, seed), curve_rows, terms)
         bent, noise_mm = _linearised(experiments, terms, about, lot if curves else 0.0, curve_rows)
         parts = [bent, *curve_rows]
@@ -240,15 +248,30 @@ def _open_terms(rows: Rows, support: Support, terms: Sequence[Term], strain: flo
 def _usable(library: Sequence[Term], curves: Sequence[TensileCurve]) -> tuple[tuple[Term, ...], tuple[Term, ...]]:
     """Divide the library into the terms whose stress is defined at all strains of the curves, and the others."""
     if len(set(library)) < len(library):
-        raise ValueError("the library contains a term twice: give each term once")
+        raise UnusableLibrary("the library contains a term twice: give each term once")
     most = max((_ROOM * largest_x(curve.strain) for curve in curves), default=0.0)
     terms = tuple(term for term in library if term.largest_x > most)
     if not any(term.has_modulus for term in terms):
-        raise ValueError(
+        raise UnusableLibrary(
             "the library contains no term that adds to the initial shear modulus and has a finite stress at all "
             "strains of the curves: add i1, for example"
         )
     return terms, tuple(term for term in library if term not in terms)
+
+
+def _check_number(experiments: Sequence[Experiment], most_terms: int) -> None:
+    values = sum(_measured_values(experiment) for experiment in experiments)
+    if values <= most_terms:
+        raise CannotFit(
+            f"the data have {values} measured values; laws of up to {most_terms} terms need at least {most_terms + 1}"
+        )
+
+
+def _measured_values(experiment: Experiment) -> int:
+    # The number of distances of edge points, or of coordinates of tracked points.
+    states, points = len(experiment.loads), experiment.observed.sigma_mm.shape[-1]
+    weights = experiment.observed.of_residuals(np.zeros((1, states, 2, points))).weights
+    return int(np.count_nonzero(weights))
 
 
 def _modulus_Pa(experiments: Sequence[Experiment], modulus_Pa: float | None, seed: int) -> float:
