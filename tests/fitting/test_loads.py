@@ -229,6 +229,14 @@ def test_pressure_at_the_sides_of_a_full_width_magnet_is_refused():
         BeamModel(specimen)
 
 
+def test_several_directions_of_a_tip_force_are_several_states():
+    loads = Loads.along(0.0, tip_force_N=0.01, tip_force_angle_deg=[0, 90, 180])
+    assert len(loads) == len(loads.gravity) == len(loads.actuations[0].numbers) == 3
+    assert loads.tip_force_N == pytest.approx(0.01 * np.array([[1, 0], [0, 1], [-1, 0]]))
+    one = Loads.along([0.0, 1.0], tip_force_N=0.01, tip_force_angle_deg=90.0)
+    assert one.tip_force_N == pytest.approx(np.array([[0, 0.01], [0, 0.01]]))
+
+
 def test_selected_states_keep_their_pressure():
     loads = Loads.along(np.arange(4.0), pressure_Pa=10.0 * np.arange(4.0))
     assert loads.take(np.array([3, 1])).state(0) == pytest.approx(loads.state(3))

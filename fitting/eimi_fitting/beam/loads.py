@@ -80,7 +80,7 @@ class Loads:
 
         Parameters
         ----------
-        field_mT : array_like, shape (K,)
+        field_mT : array_like, shape (K,) or ()
             Magnitude of the field in mT, in K load states.
         field_angle_deg : float
             Direction of the field.
@@ -98,8 +98,10 @@ class Loads:
         ValueError
             A tip force has no direction: neither its angle nor the angle of gravity is given.
         """
-        magnitude, force = np.broadcast_arrays(
-            np.atleast_1d(np.asarray(field_mT, float)), np.asarray(tip_force_N, float)
+        magnitude, force, angle = np.broadcast_arrays(
+            np.atleast_1d(np.asarray(field_mT, float)),
+            np.asarray(tip_force_N, float),
+            0.0 if tip_force_angle_deg is None else np.asarray(tip_force_angle_deg, float),
         )
         down = np.zeros(2) if gravity_angle_deg is None else _direction(gravity_angle_deg)
         if tip_force_angle_deg is None:
@@ -110,7 +112,7 @@ class Loads:
                 )
             along = down
         else:
-            along = _direction(tip_force_angle_deg).T
+            along = _direction(angle).T
         return Loads(
             1e-3 * magnitude[:, None] * _direction(field_angle_deg),
             np.tile(STANDARD_GRAVITY * down, (len(magnitude), 1)),
