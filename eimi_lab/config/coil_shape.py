@@ -17,6 +17,7 @@ from eimi_lab.process.paths import named_in
 
 _REACH = 1.15  # the field of the loops is tabulated up to this distance, in lengths of the beam
 _LEAST = 4  # smallest number of different x and of different y in a map
+_NO_FIELD = 1e-9  # smallest field at the magnet, as a share of the largest field in a map
 _MOST_ROWS = 10_000
 _COLUMNS = ("x_mm", "y_mm", "bx_mT", "by_mT")
 
@@ -97,7 +98,8 @@ class CoilShapeTable(Table):
         Raises
         ------
         ValueError
-            If a loop of the coil passes through the beam, or if the magnet at rest is outside the map of the field.
+            If a loop of the coil passes through the beam, if the magnet at rest is outside the map of the field, or if
+            the map has no field there.
         """
         axis = (math.cos(math.radians(field_deg)), math.sin(math.radians(field_deg)))
         rest = np.array([specimen.field_place_mm, 0.0])
@@ -109,6 +111,11 @@ class CoilShapeTable(Table):
             table = self._grid()
             if not table.covers(rest[None]):
                 raise ValueError(f"the field map does not cover the magnet at rest, x_mm = {rest[0]:g}, y_mm = 0")
+            if not abs(table.derivatives(rest[None])[0, 0]) > _NO_FIELD * np.abs(table.field).max():
+                raise ValueError(
+                    f"the field map has no field at the magnet at rest, x_mm = {rest[0]:g}, y_mm = 0, but the field at "
+                    "other points is relative to it: give the field of a current that is not zero"
+                )
         return CoilShape(axis, self.gradient_per_m or (0.0, 0.0), table)
 
 

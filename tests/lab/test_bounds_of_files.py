@@ -608,6 +608,8 @@ def test_the_shape_of_the_field_reaches_the_simulation() -> None:
     assert loops.table.covers(np.array([[1.14 * 30.0, 0.0]]))
     with pytest.raises(ValueError, match="the field map does not cover the magnet at rest, x_mm = 28, y_mm = 0"):
         CoilShapeTable(map=tuple((x - 50.0, y, u, v) for x, y, u, v in map_rows(4, 4))).shape(beam, 90.0)
+    with pytest.raises(ValueError, match="the field map has no field at the magnet at rest, x_mm = 28, y_mm = 0"):
+        CoilShapeTable(map=tuple((x, y, 0.0, 0.0) for x, y, _, _ in map_rows(4, 4))).shape(beam, 90.0)
     assert CoilShapeTable(map=map_rows(4, 4)).shape(beam, 90.0) is not None
 
 
