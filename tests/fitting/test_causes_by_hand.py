@@ -18,6 +18,8 @@ from eimi_fitting.inference.doubts.possible_causes import of_source
 SHIFT = of_source("shift", "clamp", (0.3, 0.3), "a picture")
 WIDTH = of_source("width", "width", (0.05,), "a caliper")
 SETS = [(), (0,), (1,), (0, 1)]
+# Change of the modulus by one mm of the shift in x, of the shift in y, and of the width.
+BY_UNIT = np.array([0.0, 0.2, 0.1, -0.5])
 # One row for each set: change of the modulus, shift in x, shift in y, width.
 MEANS = np.array([[0.01, 0.0, 0.0, 0.0], [0.02, 0.3, -0.4, 0.0], [-0.03, 0.0, 0.0, 0.08], [0.05, 0.1, 0.2, 0.02]])
 
@@ -25,8 +27,8 @@ MEANS = np.array([[0.01, 0.0, 0.0, 0.0], [0.02, 0.3, -0.4, 0.0], [-0.03, 0.0, 0.
 class Weighing:
     # A replacement for the comparison of sets of two bench errors, a shift and a width.
 
-    def __init__(self, probability: list[float], uncertain: bool, stated: float) -> None:
-        self.probability, self.stated = np.array(probability), stated
+    def __init__(self, probability: list[float], uncertain: bool, stated: float, start: float) -> None:
+        self.probability, self.stated, self.start = np.array(probability), stated, start
         self.hypotheses = SETS * (2 if uncertain else 1)
         self.is_uncertain = np.repeat([False, True], 4)[: len(self.hypotheses)]
         self.log_prior = np.zeros(len(self.hypotheses))
@@ -45,6 +47,12 @@ class Weighing:
 
     def shown(self, cause: int) -> int:
         return 2 - cause
+
+    def moved_by_unit(self) -> np.ndarray:
+        return BY_UNIT
+
+    def starts(self, cause: int) -> np.ndarray:
+        return np.zeros(1) if cause else np.array([self.start, 0.0])
 
     def stated_size(self, cause: int) -> float:
         return self.stated
@@ -71,7 +79,7 @@ def weighed(
     )
     monkeypatch.setattr(causes, "columns_of", lambda fit, cause: columns[cause])
     monkeypatch.setattr(causes, "stated_columns", lambda fit, possible: {})
-    monkeypatch.setattr(causes, "Weighing", lambda *given: Weighing(probability, len(probability) > 4, stated))
+    monkeypatch.setattr(causes, "Weighing", lambda *given: Weighing(probability, len(probability) > 4, stated, start))
     monkeypatch.setattr(causes, "deviations", lambda *given: within or {})
     unknowns = SimpleNamespace(
         freed=[SimpleNamespace(source=source) for source in freed], modulus_percent=lambda moved: 100 * moved
@@ -89,8 +97,9 @@ def test_the_probability_of_a_cause_is_the_sum_over_its_sets(monkeypatch: pytest
     assert shift.value == pytest.approx(np.linalg.norm(mean))
     assert width.value == pytest.approx((0.15 * 0.08 + 0.25 * 0.02) / 0.4)
     assert (shift.unit, width.unit, shift.decide_by, none.unit) == ("mm", "mm", "a picture", "")
-    # The modulus of the set with this cause alone.
-    assert [cause.shift_percent for cause in found.causes] == pytest.approx([2.0, -3.0, 0.0])
+    # Of the change in the set of both, 0.05, the less probable cause makes -0.5 × 0.02 = -0.01.
+    shifts = [100 * (0.5 * 0.02 + 0.25 * (0.05 + 0.01)) / 0.75, 100 * (0.15 * -0.03 + 0.25 * -0.01) / 0.4, 0.0]
+    assert [cause.shift_percent for cause in found.causes] == pytest.approx(shifts)
     assert (shift.like, width.like, shift.is_within_stated) == ((), (), False)
     assert found.modulus_percent == pytest.approx((-3.0, 5.0))
     assert found.most_probable == frozenset({"shift"})
@@ -126,13 +135,15 @@ def test_a_size_is_within_twice_its_stated_uncertainty(
 
 
 @pytest.mark.parametrize(("start", "freed"), [(0.2, ()), (0.0, ("clamp",))])
-def test_a_cause_in_the_fit_moves_the_modulus_from_that_of_the_fit(
+def test_a_cause_in_the_fit_moves_the_modulus_from_that_without_the_cause(
     monkeypatch: pytest.MonkeyPatch, start: float, freed: tuple[str, ...]
 ) -> None:
     found = weighed(monkeypatch, [0.1, 0.6, 0.2, 0.1], start=start, freed=freed)
     assert found.in_the_fit == frozenset({"shift"})
-    assert found.causes[0].shift_percent == pytest.approx(1.0)  # 0.02 - 0.01
-    assert found.causes[1].shift_percent == pytest.approx(-3.0)
+    # The fit contains the change 0.2 × 0.2 by the measured shift. The less probable width makes -0.5 × 0.02.
+    measured = 0.2 * start
+    assert found.causes[0].shift_percent == pytest.approx(100 * (measured + (0.6 * 0.02 + 0.1 * 0.06) / 0.7))
+    assert found.causes[1].shift_percent == pytest.approx(100 * (0.2 * (measured - 0.03) + 0.1 * -0.01) / 0.3)
     assert found.beside_the_fit == pytest.approx(0.3)
     assert found.remaining is None  # the most probable set is in the fit
 
@@ -147,7 +158,9 @@ def test_an_input_may_deviate_within_its_stated_uncertainty(monkeypatch: pytest.
     assert (width.value, width.shift_percent, width.like) == (0.04, pytest.approx(-2.0), ("shift",))
     assert none.probability == pytest.approx(0.02 + (1 - 0.8 - 0.1) * 0.7)
     assert shift.probability == pytest.approx(0.03 + 0.01 + 0.1 + 0.05 + 0.1 * 0.77)
-    assert shift.shift_percent == pytest.approx(4.0)
+    # With uncertain inputs, all sizes are twice as large.
+    shifts = 0.03 * 0.02 + 0.01 * 0.06 + 0.1 * 0.04 + 0.05 * 0.12
+    assert shift.shift_percent == pytest.approx(100 * shifts / 0.19)
     assert found.as_stated == pytest.approx(0.72)
     assert found.remaining == ("residuals of", 4)
     # Without a smaller probability of the deviation than that of the sets with this cause.
@@ -155,7 +168,9 @@ def test_an_input_may_deviate_within_its_stated_uncertainty(monkeypatch: pytest.
     width = next(cause for cause in unlikely.causes if cause.name == "width")
     assert width.probability == pytest.approx(0.35 + 0.3 * 0.6)
     assert width.like == ()
-    assert width.shift_percent == pytest.approx(-6.0)
+    # The shift is less probable now, and makes 0.04 and 0.08 of the change in the two sets of both.
+    shifts = 0.02 * -0.03 + 0.01 * (0.05 - 0.04) + 0.2 * -0.06 + 0.12 * (0.10 - 0.08)
+    assert width.shift_percent == pytest.approx(100 * shifts / 0.35)
 
 
 def test_without_an_equilibrium_or_an_effect_no_cause_is_weighed(monkeypatch: pytest.MonkeyPatch) -> None:

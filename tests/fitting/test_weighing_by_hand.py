@@ -117,6 +117,17 @@ def test_the_single_causes_stand_before_the_pairs_of_the_same_inputs(weighing: A
     assert weighing.alone(9) == slice(7, 11)
 
 
+def test_the_modulus_follows_a_unit_of_each_cause_as_in_a_weighted_fit_of_the_law(weighing: Any) -> None:
+    by_unit = weighing.moved_by_unit()
+    # A fit of the law to the negative change of the residuals, with one row for the prior of each parameter.
+    root = np.sqrt(weighing._variance)
+    law = np.concatenate([(weighing._rows[:2] / SCALE[:2, None] / root).T, np.diag(1 / SCALE[:2])])
+    for row in (2, 4, 7):
+        change = np.concatenate([weighing._rows[row] / SCALE[row] / root, [0.0, 0.0]])
+        assert by_unit[row] == pytest.approx(-np.linalg.lstsq(law, change)[0][0])
+    assert (by_unit[8], weighing.starts(0).tolist(), weighing.starts(1).tolist()) == (0.0, [0.0, 0.0], [0.02])
+
+
 def test_an_input_changes_the_residuals_by_its_size(weighing: Any) -> None:
     means = np.zeros((7, 9))
     means[1, 2] = 0.1

@@ -37,7 +37,7 @@ class Cause:
     # Expected size of the error in its unit; the unit "1" is a share.
     value: float
     unit: str
-    # Change of the initial shear modulus by a correction for the error, in per cent.
+    # Change of the initial shear modulus by a correction for an error of this size, in per cent.
     shift_percent: float
     # The measurement that decides whether the error is present.
     decide_by: str
@@ -110,7 +110,7 @@ def weighed_causes(
     singly = posterior.take(weighing.alone(best))
     order = {cause: -evidence for cause, evidence in enumerate(singly.log_evidence[1:])}
     within = deviations(weighing, posterior, best) if weighing.is_uncertain[best] else {}
-    none = float(singly.means[0, 0])
+    moved_by_causes = _moved_by_causes(weighing, posterior.means, probability)
     freed = {nuisance.source for nuisance in problem.unknowns.freed}
     in_the_fit = frozenset(
         cause.name
@@ -139,7 +139,7 @@ def weighed_causes(
             mean = probability[holds] @ posterior.means[holds] / beyond
             amplitudes = mean[weighing.blocks[i][: weighing.shown(i)]]
             size = float(np.copysign(np.linalg.norm(amplitudes), amplitudes[np.argmax(np.abs(amplitudes))]))
-            moved = float(alone[0]) - (none if cause.name in in_the_fit else 0.0)
+            moved = float(probability[holds] @ moved_by_causes[holds, i] / beyond)
             members = next(tuple(other for other in group if other != i) for group in of_causes if i in group)
         is_within = abs(size) <= _WITHIN * weighing.stated_size(i)
         shift, like = problem.unknowns.modulus_percent(moved), tuple(names[other] for other in members)
@@ -159,6 +159,18 @@ def weighed_causes(
         weighing.remaining(best, posterior.means[best]) if further[best] or weighing.is_uncertain[best] else None,
         float(probability[is_none].sum()),
     )
+
+
+def _moved_by_causes(weighing: Weighing, means: Array, probability: Array) -> Array:
+    # (H, M): change of the first unknown by each of M errors under each of H hypotheses.
+    by_unit = weighing.moved_by_unit()
+    moved = np.stack([means[:, rows] @ by_unit[rows] for rows in weighing.blocks], axis=1)
+    in_the_fit = sum(float(weighing.starts(i) @ by_unit[rows]) for i, rows in enumerate(weighing.blocks))
+    holds = np.array([[i in hypothesis for i in range(len(weighing.blocks))] for hypothesis in weighing.hypotheses])
+    # Nonlinear effects, and those of the weights of the residuals, belong to the more probable error of a hypothesis.
+    main = np.argmax(np.where(holds, probability @ holds, -1.0), axis=1)
+    moved[np.arange(len(moved)), main] += means[:, 0] + in_the_fit - moved.sum(axis=1)
+    return np.where(holds, moved, 0.0)
 
 
 def _of_classes(within: Mapping[int, Deviation]) -> list[float]:

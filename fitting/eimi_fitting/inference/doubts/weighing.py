@@ -174,6 +174,17 @@ class Weighing:
         parts = [self.as_cause([row], self._scale[[row]], cause) for row in self.rows_of_inputs(cause)]
         return float(np.linalg.norm(parts)) if parts else 0.0
 
+    def moved_by_unit(self) -> Array:
+        """Return the change of the first unknown of the fit by a correction for one unit of each unknown."""
+        law = self._rows[: self._law]
+        weighted = law / self._variance
+        moved = np.linalg.solve(weighted @ law.T + np.eye(self._law), weighted @ self._rows.T)[0]
+        return np.asarray(-moved * self._scale[0] / self._scale)
+
+    def starts(self, cause: int) -> Array:
+        """Return the measured components of a systematic error, which the fit already contains; else zeros."""
+        return np.array([self._coefficients.column(row).start for row in self.blocks[cause]])
+
     def if_exact(self, base: int, rows: Sequence[int]) -> Exact:
         """Compute the probability of each error that `hypotheses[base]` lacks, if the inputs `rows` have no error."""
         hypothesis = self.hypotheses[base]
