@@ -14,8 +14,8 @@ from eimi_fitting.beam.specimen import Magnet, Specimen
 from eimi_fitting.beam.view import View
 from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.measurements import EdgeObservation, edge_curves, points_on
-from eimi_fitting.inference.evidence.sources import SOURCES, Source
-from eimi_fitting.inference.evidence.unknowns import NuisancePrior, Setup, freed_number, nuisances
+from eimi_fitting.inference.evidence.sources import SOURCES, Source, StatedSource
+from eimi_fitting.inference.evidence.unknowns import NuisancePrior, Setup, freed_number, nuisances, shared
 from eimi_fitting.inference.identification import identify
 from eimi_fitting.laws import LAWS
 from tests.shared.estimates import refined
@@ -92,3 +92,10 @@ def test_every_freed_number_has_its_name_in_the_result(datasets: int) -> None:
     for nuisance in freed:
         assert freed_number(nuisance.name) == (nuisance.source, nuisance.part)
         assert (len(nuisance.datasets) == datasets) == (SOURCES[nuisance.source].common or datasets == 1)
+
+
+@pytest.mark.parametrize("sizes", [(0.06, 0.0), (0.0, 0.06), (0.02, 0.06)])
+def test_the_largest_of_the_uncertainties_that_files_give_for_one_specimen_counts(sizes: tuple[float, ...]) -> None:
+    stated = [(StatedSource("width", size, "specimen m"),) for size in sizes]
+    (group,) = shared("width", stated)
+    assert (group.datasets, group.standard_uncertainty) == ((0, 1), 0.06)

@@ -164,16 +164,18 @@ class SharedUnknowns:
 def shared(source: str, stated: Sequence[Sequence[StatedSource]]) -> tuple[SharedUnknowns, ...]:
     """Group the datasets of a fit that share the error of an input, such as all datasets of one coil."""
     # `stated` are the uncertainties that the files of each dataset specify.
-    # Datasets whose files specify the same object for the input, such as the same coil, form a group.
+    # Datasets whose files specify the same object for the input, such as the same coil, form a group. If the files
+    # specify different uncertainties for one object, the largest counts.
     groups: dict[str, list[int]] = {}
-    sizes: dict[str, float | None] = {}
+    sizes: dict[str, float] = {}
     for index, of_dataset in enumerate(stated):
         entry = next((s for s in of_dataset if s.source == source), None)
         unstated_key = "" if SOURCES[source].common else f"dataset {index}"
         key = f"of {entry.of}" if entry else unstated_key
         groups.setdefault(key, []).append(index)
-        sizes[key] = entry.standard_uncertainty if entry else None
-    return tuple(SharedUnknowns(source, tuple(datasets), sizes[key]) for key, datasets in groups.items())
+        if entry:
+            sizes[key] = max(sizes.get(key, 0.0), entry.standard_uncertainty)
+    return tuple(SharedUnknowns(source, tuple(datasets), sizes.get(key)) for key, datasets in groups.items())
 
 
 def nuisances(
