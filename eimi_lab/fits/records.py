@@ -311,8 +311,7 @@ class FitRecord(IdentifiedLaw, LawRecord):
         """Return a sentence for each prior on a parameter, with the fitted value."""
         law, quantities = LAWS[self.model], self._quantities()
         return [
-            f"Prior on {prior.parameter}: {prior.mean:.5g} ± {prior.standard_deviation:.3g}"
-            f"{'' if prior.unit(law) == '1' else ' ' + prior.unit(law)} (mean ± standard deviation). The fitted value "
+            f"Prior on {prior.parameter}: {prior.in_words(law)} (mean ± standard deviation). The fitted value "
             f"is {quantities[prior.parameter].value:.5g}."
             for prior in self.priors
         ]

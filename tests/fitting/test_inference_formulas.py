@@ -479,6 +479,8 @@ def test_a_state_is_explained_within_its_deflection_width_or_noise(
     assert "tensile curves" not in str(again)
     with pytest.raises(NotExplained, match=r"and the tensile curves; .*, and material, unit and weight of the curves"):
         checks.check_explained(final, experiments, curves=True)
+    with pytest.raises(NotExplained, match=r"of the beam with the priors C10 = 2 and C01 = 1; check value and unit"):
+        checks.check_explained(final, experiments, priors=["C10 = 2", "C01 = 1"])
 
 
 def test_an_error_that_a_displaced_clamp_explains_is_not_refused(deflected: dict[str, float]) -> None:

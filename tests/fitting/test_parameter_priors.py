@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from eimi_fitting import BeamModel, Experiment, Loads, NuisancePrior, PointObservation, Prior, Specimen, identify
+from eimi_fitting.inference.doubts.checks import NotExplained
 from eimi_fitting.inference.evidence.objective import Problem
 from eimi_fitting.inference.evidence.unknowns import Unknowns
 from eimi_fitting.inference.interval.estimate import Estimate
@@ -131,6 +132,12 @@ def test_a_prior_that_the_data_contradict_is_doubted():
     fit = identify("neo-hookean", [experiment], priors=[near])
     assert fit.prior_distances == pytest.approx([2**-0.5], rel=0.2)
     assert not any("prior" in d.words for d in fit.doubts)
+
+
+def test_a_prior_in_a_wrong_unit_is_named_in_the_refusal_of_the_fit():
+    wrong = r"with the prior mu = 46 ± 0\.5 Pa; check value and unit of the prior, the edges of this state"
+    with pytest.raises(NotExplained, match=wrong):
+        identify("neo-hookean", [SEEN], priors=[Prior("mu", 46.0, 0.5)], most_generations=2, possible_causes=())
 
 
 def test_wrong_priors_are_refused():

@@ -183,7 +183,14 @@ def identify(
     final = optimum.evaluation.comparison
     weighed = weighed_causes(problem, optimum, refined.effects, possible_causes)
     without_clamp = weighed.error_mm.get("clamp_offset")
-    check_explained(final, experiments, without_clamp, bool(problem.curves), bool(optimum.evaluation.beyond[0]))
+    check_explained(
+        final,
+        experiments,
+        without_clamp,
+        bool(problem.curves),
+        bool(optimum.evaluation.beyond[0]),
+        [f"{prior.parameter} = {prior.in_words(problem.law)}" for prior in problem.priors],
+    )
     due = refinements(experiments)
     named = cause_doubts(weighed, refined.estimate, final, experiments)
     beside = None

@@ -40,19 +40,27 @@ class NotExplained(Exception):
     """The exception for a fit that does not explain the measured edges of a load case."""
 
     def __init__(
-        self, experiment: int, state: int, error_mm: float, deflection_mm: float, curves: bool = False
+        self,
+        experiment: int,
+        state: int,
+        error_mm: float,
+        deflection_mm: float,
+        curves: bool = False,
+        priors: Sequence[str] = (),
     ) -> None:
         self.experiment, self.state = experiment, state
-        self._arguments = (experiment, state, error_mm, deflection_mm, curves)
+        self._arguments = (experiment, state, error_mm, deflection_mm, curves, priors)
+        of_priors = f" with the prior{'s' if len(priors) > 1 else ''} {' and '.join(priors)}" if priors else ""
         super().__init__(
             f"the smallest error of this state is {error_mm:.3g} mm (root mean square), but the largest deflection of "
             f"the beam is {deflection_mm:.3g} mm: no material explains the measured shape of the "
-            f"beam{' and the tensile curves' if curves else ''}; check the edges of this state, the sign of the "
-            "field, the scale of the picture, the specimen and the calibration"
-            + (", and material, unit and weight of the curves" if curves else "")
+            f"beam{' and the tensile curves' if curves else ''}{of_priors}; check "
+            + ("value and unit of the prior, " if priors else "")
+            + "the edges of this state, the sign of the field, the scale of the picture, the specimen and the "
+            "calibration" + (", and material, unit and weight of the curves" if curves else "")
         )
 
-    def __reduce__(self) -> tuple[type[NotExplained], tuple[int, int, float, float, bool]]:
+    def __reduce__(self) -> tuple[type[NotExplained], tuple[int, int, float, float, bool, Sequence[str]]]:
         # For pickle: the default would call the class with the message alone.
         return NotExplained, self._arguments
 
@@ -81,11 +89,12 @@ def check_explained(
     without_clamp: Sequence[Array] | None = None,
     curves: bool = False,
     beyond: bool = False,
+    priors: Sequence[str] = (),
 ) -> None:
     """Raise NotExplained if a fit does not explain the measured edges of a load case."""
     # without_clamp: (K,) for each experiment: root mean square residuals in mm after a correction of the place of the
     # clamp. curves: whether tensile curves were fitted too. beyond: whether tensile curves or priors contradict the
-    # fitted parameters.
+    # fitted parameters. priors: the priors on parameters in words, for the message.
     for index, (experiment, misfit) in enumerate(zip(experiments, final.misfits, strict=True)):
         error = misfit.error_mm[0]
         # A clamp at a wrong place in the picture is no reason to refuse a fit.
@@ -102,7 +111,7 @@ def check_explained(
         limits = np.zeros_like(limits) if beyond else limits
         worst = int(np.argmax(error - limits))
         if not error[worst] <= limits[worst]:
-            raise NotExplained(index, worst, float(error[worst]), moved, curves)
+            raise NotExplained(index, worst, float(error[worst]), moved, curves, priors)
 
 
 # The subject of a doubt. "perspective" belongs to pictures, and the four subjects after it belong to tensile fits.

@@ -77,6 +77,11 @@ class Prior:
             return "Pa"
         return law.units[law.parameter_names.index(self.parameter)]
 
+    def in_words(self, law: Law) -> str:
+        """Return mean and standard deviation with their unit, such as "46000 ± 500 Pa"."""
+        unit = "" if self.unit(law) == "1" else f" {self.unit(law)}"
+        return f"{self.mean:.5g} ± {self.standard_deviation:.3g}{unit}"
+
 
 def check_priors(priors: Sequence[Prior], law: Law) -> None:
     """Raise ValueError for a prior on an unknown parameter, or for two priors on one parameter."""
