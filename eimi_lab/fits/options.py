@@ -187,6 +187,11 @@ class FitOptions:
                         f"--free {prior.kind}: {dataset.path} has no state with a field, and therefore contains no "
                         "information about this input"
                     )
+                if SOURCES[prior.kind].lens and dataset.experiment.view is None:
+                    raise InputError(
+                        f"--free {prior.kind}: {dataset.path} has no edges with a known distance of the lens "
+                        "(stand_off_mm), and therefore contains no information about this input"
+                    )
                 self._check_spread(prior, dataset)
 
     def check_motions(self, datasets: Sequence[Path], others: Mapping[str, object]) -> None:

@@ -358,7 +358,18 @@ def test_two_causes_are_named_together_from_a_sum_of_six_fifths_on() -> None:
     assert cause_doubts._present([cause("scale", 0.7), cause("roll", 0.49)]) == either[:1]
     with_unit = Cause("roll", 0.9, 1.5, "deg", 2.0, "a plumb line")
     assert "(+1.5 deg, probability 0.90, which would" in cause_doubts._causes_in_words([with_unit])
-    assert "--free" not in cause_doubts._causes_in_words([cause("creep", 0.9)])
+
+
+def test_freeing_a_cause_is_proposed_where_it_has_an_effect() -> None:
+    def words(name: str, *views: Any) -> str:
+        experiments: Any = [SimpleNamespace(view=view) for view in views]
+        return cause_doubts._to_free(cause(name, 0.9), experiments)
+
+    view = View(np.zeros(2), 300.0)
+    assert words("creep", view) == ""
+    assert words("scale", None) == ", or free this quantity (--free scale=0.02)"
+    assert words("camera_pitch", view, view) == ", or free this quantity (--free tilt=0.02)"
+    assert words("camera_pitch", view, None) == ""
 
 
 @pytest.mark.parametrize(
@@ -583,7 +594,7 @@ def test_the_axis_of_the_lens_is_that_of_the_view_or_the_middle_of_the_measured_
     seen = replace(edges, view=View(centre_mm=np.array([3.0, 1.0]), stand_off_mm=250.0))
 
     def experiment(observed: Any) -> Any:
-        return SimpleNamespace(observed=observed)
+        return SimpleNamespace(observed=observed, view=getattr(observed, "view", None))
 
     assert causes_in_pictures._centre(experiment(edges)).tolist() == [5.0, 1.0]
     assert causes_in_pictures._centre(experiment(seen)).tolist() == [3.0, 1.0]

@@ -76,6 +76,12 @@ def test_a_freed_tilt_of_the_camera_is_found_in_the_shapes_of_the_beam() -> None
     assert fit.mean_error_mm < 0.5 * blind.optimum.evaluation.comparison.error_mm[0].mean()
 
 
+@pytest.mark.parametrize("kind", ["tilt", "stand-off"])
+def test_an_input_of_the_lens_is_not_freed_without_a_view(bent: Experiment, kind: str) -> None:
+    with pytest.raises(ValueError, match=rf"^{kind}: dataset 0 has no edges with a view, and cannot determine"):
+        identify("neo-hookean", [bent], free=[NuisancePrior(kind, 2.0)])
+
+
 def test_the_correction_of_the_camera_inverts_its_error() -> None:
     places = np.random.default_rng(0).uniform(-5, 30, (2, 7, 2))
     values = [("roll", 0, np.array([12.0])), ("clamp", 0, np.array([0.4])), ("clamp", 1, np.array([-0.7]))]

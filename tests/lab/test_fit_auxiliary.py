@@ -211,6 +211,7 @@ def test_an_undetermined_parameter_is_marked_wherever_it_is_shown(tmp_path: Path
         (("--free", "moment=2"), "--free moment=2: should be moment=NUMBER above 0, at most 0.5 (relative)"),
         (("--free", "roll=0.1", "--free", "roll=0.2"), "--free roll=0.2: roll is given twice"),
         (("--free", "moment=0.02"), "--free moment: strip.h5 has no state with a field"),
+        (("--free", "tilt=1"), "--free tilt: strip.h5 has no edges with a known distance of the lens (stand_off_mm)"),
         (("--free", "bulk", "--section", "plane-stress"), "--free bulk: strip.h5 is modelled as plane-stress"),
         (("--tensile", "none.csv"), "none.csv"),
         (("--tensile", "short.csv"), "short.csv: 2 rows up to the largest strain to fit; a fit needs at least 5"),

@@ -38,6 +38,7 @@ from eimi_fitting.inference.evidence.experiment import DISCARDED_MM, Experiment
 from eimi_fitting.inference.evidence.objective import Problem
 from eimi_fitting.inference.evidence.parameter_priors import Prior, check_priors
 from eimi_fitting.inference.evidence.polarity import freed_by_polarities
+from eimi_fitting.inference.evidence.sources import SOURCES
 from eimi_fitting.inference.evidence.tensile_curves import TensileCurve, TensileEvidence
 from eimi_fitting.inference.evidence.unknowns import NuisancePrior, Unknowns, nuisances
 from eimi_fitting.inference.fit import Fit
@@ -134,7 +135,8 @@ def identify(
         If ``replay`` contains the results of another search.
     ValueError
         If the bulk modulus is free and a section is not in plane strain, if an input in ``free`` has no standard
-        uncertainty, or if the law does not have the parameter of a prior.
+        uncertainty or belongs to a lens that a dataset does not describe, or if the law does not have the parameter of
+        a prior.
     KeyError
         For an unknown law.
 
@@ -263,6 +265,7 @@ def _problem(
                 f"the section is {', '.join(others)}"
             )
         space = space.with_bulk()
+    _check_views(free, experiments)
     # States in a field of both polarities determine more inputs.
     freed = (*free, *freed_by_polarities(experiments, free))
     return Problem(
@@ -272,6 +275,16 @@ def _problem(
         tuple(TensileEvidence.of(curve, model) for curve in tensile),
         tuple(priors),
     )
+
+
+def _check_views(free: Sequence[NuisancePrior], experiments: Sequence[Experiment]) -> None:
+    # Without a view, an error of the lens changes no residual.
+    for prior in free:
+        without = [index for index, experiment in enumerate(experiments) if experiment.view is None]
+        if SOURCES[prior.kind].lens and without:
+            raise ValueError(
+                f"{prior.kind}: dataset {without[0]} has no edges with a view, and cannot determine this input"
+            )
 
 
 def _search(coarse: Problem, independent_points: float, **options: Any) -> SearchResult:

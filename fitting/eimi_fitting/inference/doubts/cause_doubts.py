@@ -47,7 +47,8 @@ def cause_doubts(
     if not others or others[0].probability < _NAMED or not _concerns(others[0], weighed, estimate, final, experiments):
         return ()
     shifts = weighed.modulus_percent
-    return (Doubt(_causes_in_words(others), dataset, None, None, shifts, _in_short(others, shifts), kind="cause"),)
+    words = _causes_in_words(others) + _to_free(others[0], experiments)
+    return (Doubt(words, dataset, None, None, shifts, _in_short(others, shifts), kind="cause"),)
 
 
 def is_as_stated(weighed: Weighed, experiments: Sequence[Experiment]) -> bool:
@@ -123,6 +124,12 @@ def _causes_in_words(causes: Sequence[Cause]) -> str:
         words = f"these causes of the residuals cannot be told apart: {' or '.join(map(described, (first, *others)))}"
     else:
         words = f"the residuals show: {' and '.join(map(described, _present(causes)))}"
-    words += f"; decide by {first.decide_by}"
-    source = possible[first.name].source
-    return words + (f", or free this quantity (--free {source}={abs(first.value):.1g})" if source else "")
+    return words + f"; decide by {first.decide_by}"
+
+
+def _to_free(cause: Cause, experiments: Sequence[Experiment]) -> str:
+    # The option that makes the cause an unknown of the fit; empty if there is none, or if it would have no effect.
+    source = next(one.source for one in POSSIBLE_CAUSES if one.name == cause.name)
+    if not source or (SOURCES[source].lens and any(experiment.view is None for experiment in experiments)):
+        return ""
+    return f", or free this quantity (--free {source}={abs(cause.value):.1g})"

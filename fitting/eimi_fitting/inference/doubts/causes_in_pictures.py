@@ -43,18 +43,15 @@ def _measured(experiment: Experiment) -> Array:
 
 def _centre(experiment: Experiment) -> Array:
     # The point (x, y) in mm where the axis of the lens meets the plane of the beam.
-    observed = experiment.observed
-    if isinstance(observed, EdgeObservation) and observed.view is not None:
-        return observed.view.centre_mm
+    if experiment.view is not None:
+        return experiment.view.centre_mm
     # Without a known axis: the middle of the measured points.
-    used = _measured(experiment)[np.isfinite(observed.sigma_mm)]
+    used = _measured(experiment)[np.isfinite(experiment.observed.sigma_mm)]
     return np.asarray(0.5 * (used.min(axis=0) + used.max(axis=0)))
 
 
 def _stand_off_mm(experiment: Experiment) -> float:
-    observed = experiment.observed
-    view = observed.view if isinstance(observed, EdgeObservation) else None
-    return _STAND_OFF_MM if view is None else view.stand_off_mm
+    return _STAND_OFF_MM if experiment.view is None else experiment.view.stand_off_mm
 
 
 def _distorted(experiment: Experiment, places: Array, amplitudes: Array) -> Array:

@@ -15,6 +15,7 @@ from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel, Shapes
 from eimi_fitting.beam.specimen import Specimen
 from eimi_fitting.beam.strip import Strip
+from eimi_fitting.beam.view import View
 from eimi_fitting.inference.evidence.measurements import EdgeObservation, Misfit, Observation, joined_misfits
 from eimi_fitting.inference.evidence.sources import StatedSource, loads_under, specimen_under, view_under
 from eimi_fitting.inference.evidence.unknowns import Setup
@@ -83,6 +84,11 @@ class Experiment:
     def solved(self) -> BeamModel | SolidBeside:
         """The beam model of the simulations, planar or three-dimensional."""
         return self.solid or self.model
+
+    @property
+    def view(self) -> View | None:
+        """The perspective of the edges; None for a telecentric or unknown lens, and for tracked points."""
+        return self.observed.view if isinstance(self.observed, EdgeObservation) else None
 
     def of_states(self, states: NDArray[np.intp]) -> Experiment:
         """Return the experiment with only some of its load cases, given by their indices."""
