@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from eimi_fitting import LAWS, Loads, Specimen
+from eimi_fitting import LAWS, Loads, Magnet, Specimen
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.inference.evidence.experiment import DISCARDED_MM
 from eimi_fitting.inference.evidence.measurements import Misfit
@@ -153,9 +153,15 @@ def test_a_compressible_material_is_softer_than_the_fitted_one() -> None:
     assert compressibility_bias(Specimen(30.0, 3.0, 5.0, 1e3, "plane-stress"), 0.4) == pytest.approx(2.8 / 3 - 1)
 
 
-@pytest.mark.parametrize("magnetisation", [0.0, 5e3])
-def test_the_loads_of_a_bias_turn_the_tip_by_sixty_degrees_if_the_stiffness_stayed(magnetisation: float) -> None:
-    specimen = Specimen(40.0, 3.0, 5.0, 1e3, "plane-stress", magnetisation_A_per_m=(magnetisation, 0.0))
+@pytest.mark.parametrize(
+    ("magnetisation", "angle_deg"),
+    [((0.0, 0.0), None), ((5e3, 0.0), None), ((0.0, -5e3), None), ((0.0, 0.0), 90.0), ((5e3, 0.0), -80.0)],
+)
+def test_the_loads_of_a_bias_turn_the_tip_by_sixty_degrees_if_the_stiffness_stayed(
+    magnetisation: tuple[float, float], angle_deg: float | None
+) -> None:
+    magnet = None if angle_deg is None else Magnet(4.0, 3.0, 2.0, 1.2, 7500.0, magnetisation_angle_deg=angle_deg)
+    specimen = Specimen(40.0, 3.0, 5.0, 1e3, "plane-stress", magnet, magnetisation_A_per_m=magnetisation)
     planar = BeamModel(specimen, 8, 1)
     loads = section_bias.bending_loads(planar)
     assert len(loads) == 2
@@ -164,8 +170,11 @@ def test_the_loads_of_a_bias_turn_the_tip_by_sixty_degrees_if_the_stiffness_stay
     small = replace(loads, field_T=1e-3 * loads.field_T, tip_force_N=1e-3 * loads.tip_force_N)
     turn = planar.tip_angle_deg(planar.solve(law, modulus, small, tolerance_mm=1e-9))[0]
     assert np.abs(turn) == pytest.approx([0.03, 0.06], rel=1e-3)
-    assert loads.field_T.any() == bool(magnetisation)
-    assert loads.tip_force_N.any() == (not magnetisation)
+    is_magnetic = any(magnetisation) or magnet is not None
+    assert loads.field_T.any() == is_magnetic
+    assert loads.tip_force_N.any() == (not is_magnetic)
+    # The field is across the moment: it is not much stronger than that for a moment along the beam.
+    assert np.linalg.norm(loads.field_T, axis=1).max() < 0.1
 
 
 def so_far(

@@ -55,14 +55,24 @@ def bending_loads(planar: BeamModel) -> Loads:
     """Return two loads: one that turns the tip of the beam by about 45 degrees, preceded by half of it."""
     specimen, law, modulus = planar.specimen, LAWS["neo-hookean"], np.array([[MODULUS_PA]])
     magnetic = specimen.magnet is not None or any(specimen.magnetisation_A_per_m)
+    across_deg = 90.0 + _moment_angle_deg(specimen)
     stiffness_N = 1e-6 * MODULUS_PA * specimen.width_mm**3 * specimen.depth_mm / specimen.length_mm**2
 
     def of(share: Array) -> Loads:
         loads = Loads.along(
-            share if magnetic else 0 * share, gravity_angle_deg=90.0, tip_force_N=0 * share if magnetic else share
+            share if magnetic else 0 * share, across_deg, 90.0, tip_force_N=0 * share if magnetic else share
         )
         return replace(loads, gravity=0 * loads.gravity)
 
     little = 1e-3 if magnetic else 1e-3 * stiffness_N
     turn = planar.tip_angle_deg(planar.solve(law, modulus, of(np.array([little])), tolerance_mm=1e-9))[0, 0]
     return of(np.array([0.5, 1.0]) * little * _LINEAR_TURN_DEG / abs(turn))
+
+
+def _moment_angle_deg(specimen: Specimen) -> float:
+    # Direction of the magnetic moment of the straight specimen. A field across it bends the beam most.
+    volume_m3 = 1e-9 * specimen.width_mm * specimen.depth_mm * specimen.flexible_length_mm
+    moment = volume_m3 * np.array(specimen.magnetisation_A_per_m)
+    if specimen.magnet:
+        moment = moment + specimen.magnet.moment_A_m2 * np.array(specimen.magnet.direction)
+    return float(np.degrees(np.arctan2(moment[1], moment[0])))
