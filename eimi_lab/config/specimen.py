@@ -199,6 +199,7 @@ class SpecimenFile(Document):
                     f"at most half of specimen.width_mm = {beam.width_mm:g} from the centre line"
                 )
         check_sizes(self.uncertainty or {}, self._values())
+        check_sizes(self.uncertainty or {}, self._sizes_of_deviations(), largest=0.5)  # more would be another specimen
         for key, rows in (("width_mm", rows_of(beam.width_mm)), ("depth_mm", rows_of(beam.depth_mm))):
             if rows and abs(rows[-1][0] / beam.length_mm - 1) > SAME:
                 raise ValueError(
@@ -243,6 +244,12 @@ class SpecimenFile(Document):
             **{f"magnet_{key}": (f"magnet.{key}", getattr(magnet, key, None)) for key in sizes},
             "remanence_T": ("magnet.remanence_T", getattr(magnet, "remanence_T", None)),
         }
+
+    def _sizes_of_deviations(self) -> dict[str, tuple[str, float | None]]:
+        """Return the sizes with which the uncertainties of further lengths are compared, by the keys of these."""
+        length = ("specimen.length_mm", self.specimen.length_mm)
+        width = ("specimen.width_mm", self.specimen.width_mm)
+        return {"rest_shape_mm": length, "magnet_tip_offset_mm": length, "taper_mm": width}
 
     def uncertain_keys(self) -> tuple[str, ...]:
         """Return the keys that the table [uncertainty] of this specimen file may have."""

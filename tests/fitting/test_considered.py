@@ -15,6 +15,7 @@ from eimi_fitting.inference.evidence.measurements import EdgeObservation, PointO
 from eimi_fitting.inference.evidence.sources import SOURCES, StatedSource
 from eimi_fitting.inference.evidence.unknowns import NuisancePrior
 from eimi_fitting.inference.identification import identify
+from eimi_fitting.inference.interval import considered
 from eimi_fitting.inference.interval.estimate import Estimate
 from eimi_fitting.inference.planning.choice_of_law import Candidate, choose
 from eimi_fitting.laws import LAWS
@@ -286,3 +287,17 @@ def test_tracked_points_at_the_tip_stay_valid_on_a_shorter_beam():
     step = shorter.observed.moved_mm - shorter.observed.rest_mm
     assert step == pytest.approx(moved - rest, abs=1e-12)
     assert shorter.observed.rest_mm.max() == pytest.approx(29.5)
+
+
+@pytest.mark.parametrize(("source", "part", "size"), [("taper", 0, 20.0), ("rest-shape", 2, 60.0)])
+def test_the_effect_of_an_error_that_no_beam_can_have_is_that_of_a_smaller_error(
+    source: str, part: int, size: float
+) -> None:
+    candidate = considered.Candidate(LAWS["neo-hookean"], np.array([[TRUTH_PA]]))
+    small = 0.02
+    large, expected = considered.changes_by(
+        candidate, experiment(noisy_edges()), [(source, part, size), (source, part, small)]
+    )
+    assert large is not None
+    assert expected is not None
+    assert np.linalg.norm(large) == pytest.approx(size / small * np.linalg.norm(expected), rel=0.25)

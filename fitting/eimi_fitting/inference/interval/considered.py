@@ -29,7 +29,7 @@ from eimi_fitting.laws.law import Law
 Array = NDArray[np.float64]
 
 # Steps of the finite differences, in standard uncertainties. Within one standard uncertainty the response is linear to
-# a per cent. The second and third steps are tried if the model finds no equilibrium for the first.
+# a per cent. The second and third steps are tried if the first is impossible, or if the model finds no equilibrium.
 _STEPS = (0.5, -0.5, 0.05)
 _TOLERANCE_MM = 1e-3  # the last Newton step is shorter; the remaining error is far below the smallest relevant change
 
@@ -177,8 +177,8 @@ def changes_by(
     # solver starts. The result contains, for each error, the change in mm, (K, 2, m): K load cases, two edges (or x and
     # y) and m points.
     # The changes are finite differences. One standard uncertainty changes the shapes of the beam only a little, so that
-    # the solver starts from the shapes for the specified values of the inputs. A change is None if the solver finds no
-    # equilibrium.
+    # the solver starts from the shapes for the specified values of the inputs. A change is None if every step is
+    # impossible, such as one to a negative width, or has no equilibrium.
     experiment = replace(experiment, model=coarse_model(experiment.model.specimen), solid=None, change=None)
     as_stated = Setup.of(candidate.freed, 1)
     stated_shapes = _bent(candidate, experiment, as_stated, initial)
@@ -190,7 +190,10 @@ def changes_by(
         source = SOURCES[key]
         for step in _STEPS:
             deviation = step * size * np.eye(len(source.parts))[part]
-            deviated = experiment.under({key: deviation}) if source.changes_experiment else experiment
+            try:
+                deviated = experiment.under({key: deviation}) if source.changes_experiment else experiment
+            except ValueError:  # no specimen has this error
+                continue
             setup = Setup.of([*candidate.freed, (key, part, step * size)], 1)
             shapes = _bent(candidate, deviated, setup, stated_shapes.every) if source.changes_shapes else stated_shapes
             if _in_equilibrium(shapes):
