@@ -25,6 +25,9 @@ SETTINGS = CameraSettings(exposure_s=0.002, gain=6.0, gamma=0.8, region=(16, 32,
 FAILED, WITHOUT_STAMP = 90, 91
 """Numbers of frames that are not transferred, and that have no time stamp."""
 
+MONO16, RGB8, BAYER_RG8 = 0x01100007, 0x02180014, 0x01080009
+"""Codes of pixel formats (Pixel Format Naming Convention, EMVA)."""
+
 
 class Unusable(Exception):
     pass
@@ -81,8 +84,17 @@ class Result:
     def GetBlockID(self) -> int | None:
         return self._number
 
-    def GetArray(self) -> np.ndarray:
-        return np.full((48, 64), self._number, np.uint16)
+    def GetPixelType(self) -> int:
+        return MONO16
+
+    def GetWidth(self) -> int:
+        return 64
+
+    def GetHeight(self) -> int:
+        return 48
+
+    def GetBuffer(self) -> bytes:
+        return np.full((48, 64), self._number, "<u2").tobytes()
 
 
 class Device:
@@ -309,6 +321,7 @@ def test_without_settings_only_the_trigger_is_set(device: Device) -> None:
         gamma=1.0,
         region=(0, 0, 1280, 1024),
         bit_depth=8,
+        pixel_format="Mono8",
         trigger="software",
         row_time_s=pytest.approx(1680e-6 / 1024),
     )
@@ -325,6 +338,28 @@ def test_the_offsets_are_zero_while_the_size_is_set(device: Device) -> None:
 def test_each_bit_depth_has_its_pixel_format(device: Device, bit_depth: int, name: str) -> None:
     assert BaslerCamera(0, CameraSettings(bit_depth=bit_depth)).settings.bit_depth == bit_depth
     assert device.PixelFormat.Value == name
+
+
+def test_a_pixel_format_is_set_by_its_name(device: Device) -> None:
+    settings = BaslerCamera(0, CameraSettings(pixel_format="BayerRG12")).settings
+    assert (device.PixelFormat.written, settings.pixel_format, settings.bit_depth) == (["BayerRG12"], "BayerRG12", 12)
+
+
+@pytest.mark.parametrize(
+    ("code", "pixels"),
+    [
+        (RGB8, np.tile(np.uint8([200, 20, 5]), (48, 64, 1))),
+        (BAYER_RG8, np.tile(np.uint8([[200, 20], [20, 5]]), (24, 32))),
+    ],
+)
+def test_the_colours_of_a_frame_are_in_the_order_blue_green_red(
+    device: Device, monkeypatch: pytest.MonkeyPatch, code: int, pixels: np.ndarray
+) -> None:
+    monkeypatch.setattr(Result, "GetPixelType", lambda result: code)
+    monkeypatch.setattr(Result, "GetBuffer", lambda result: pixels.tobytes())
+    image = BaslerCamera(0).grab(1.0).image
+    assert image.shape == (48, 64, 3)
+    assert (image == [5, 20, 200]).all()
 
 
 def test_a_bit_depth_without_a_pixel_format_is_refused(device: Device) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from eimi_drivers.cameras.pixel_formats import decode, depth_of
 from eimi_drivers.cameras.rolling_shutter import READOUT_FEATURE, SHUTTER_FEATURES, row_time_s
 from eimi_drivers.cameras.settings import FRAMES_ON_THE_WAY, NO_SETTINGS, SOFTWARE, CameraSettings
 from eimi_drivers.interfaces import (
@@ -123,6 +124,8 @@ class BaslerCamera:
                     f"{', '.join(map(str, PIXEL_FORMATS))}"
                 )
             camera.PixelFormat.Value = PIXEL_FORMATS[settings.bit_depth]
+        if settings.pixel_format is not None:
+            camera.PixelFormat.Value = settings.pixel_format
         if settings.trigger not in (None, SOFTWARE):
             raise SetPointRefused(
                 f"Basler camera {self.source}: trigger = {settings.trigger!r} must be {SOFTWARE!r}; for a trigger "
@@ -159,13 +162,14 @@ class BaslerCamera:
 
     def _read_back(self) -> CameraSettings:
         camera = self._camera
-        depths = {name: depth for depth, name in PIXEL_FORMATS.items()}
+        pixel_format = camera.PixelFormat.Value
         return CameraSettings(
             exposure_s=self._node(EXPOSURE_NODES).Value / 1e6,
             gain=float(camera.Gain.Value) if self._readable(camera.Gain) else None,
             gamma=float(camera.Gamma.Value) if self._readable(camera.Gamma) else None,
             region=(camera.OffsetX.Value, camera.OffsetY.Value, camera.Width.Value, camera.Height.Value),
-            bit_depth=depths.get(camera.PixelFormat.Value),
+            bit_depth=depth_of(pixel_format),
+            pixel_format=pixel_format,
             frame_rate_Hz=None if self._triggered else float(self._node(RESULTING_RATE_NODES + FRAME_RATE_NODES).Value),
             trigger=SOFTWARE if self._triggered else None,
             row_time_s=self._row_time_s(),
@@ -233,7 +237,7 @@ class BaslerCamera:
                     )
                 ticks = result.GetTimeStamp()
                 return Frame(
-                    image=result.GetArray(),
+                    image=decode(result.GetPixelType(), result.GetBuffer(), result.GetWidth(), result.GetHeight()),
                     number=int(result.GetBlockID()),
                     timestamp_s=ticks / self._ticks_per_s if ticks else time.monotonic(),
                 )
