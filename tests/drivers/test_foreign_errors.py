@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from eimi_drivers import discovery, installed
+from eimi_drivers.clock import WallClock
 from eimi_drivers.interfaces import (
     Identity,
     InstrumentError,
@@ -16,9 +17,11 @@ from eimi_drivers.interfaces import (
     Limits,
     Reading,
     ReplyNotUnderstood,
+    SensorReading,
     SwitchOffFailed,
     UnusableDriver,
 )
+from eimi_drivers.sensors.sensor_names import open_with as open_sensor_with
 from eimi_drivers.supplies import SUPPLIES, open_supply, transport
 from eimi_drivers.supplies.transport import SerialTransport
 
@@ -143,6 +146,40 @@ def test_errors_of_the_interface_and_interrupts_pass_unchanged(vendor: Any, erro
     with pytest.raises(type(error)) as caught:
         supply.measure()
     assert caught.value is error
+
+
+class VendorSensor:
+    # A sensor driver of another package whose `read` returns or raises the next answer.
+
+    name, timeout_s = "vendor", 1.0
+
+    def __init__(self, address: str, clock: object) -> None:
+        self.answers: list[Any] = [SensorReading(21.5, "degC", 0.0), ValueError("could not convert ''"), 21.5]
+
+    def identify(self) -> Identity:
+        return Identity("vendor", "thermometer", "here")
+
+    def read(self) -> Any:
+        if isinstance(answer := self.answers.pop(0), Exception):
+            raise answer
+        return answer
+
+    def close(self) -> None:
+        raise KeyError("port")
+
+
+def test_an_error_of_a_sensor_is_an_instrument_error_in_one_line() -> None:
+    sensor = open_sensor_with(VendorSensor, "vendor", "here", WallClock())
+    assert (sensor.name, sensor.timeout_s, sensor.identify().text) == ("vendor", 1.0, "thermometer")
+    assert sensor.read().value == 21.5
+    with pytest.raises(
+        InstrumentError, match=r"^vendor sensor here: its driver raised ValueError: could not convert '' in read$"
+    ):
+        sensor.read()
+    with pytest.raises(ReplyNotUnderstood, match=r"returned 21\.5 from read; it should return a SensorReading$"):
+        sensor.read()
+    with pytest.raises(InstrumentError, match=r"KeyError.* in close$"):
+        sensor.close()
 
 
 def test_an_interruption_between_two_messages_passes_unchanged() -> None:

@@ -9,16 +9,15 @@ from eimi_drivers.clock import WallClock
 from eimi_drivers.contract import check_sensor, check_sensor_driver
 from eimi_drivers.installed import Drivers
 from eimi_drivers.interfaces import Clock, InstrumentError, Sensor, SensorDriver, raised
+from eimi_drivers.sensors.foreign import ForeignSensor
 from eimi_drivers.sensors.fw_bell import FWBell5080
 from eimi_drivers.sensors.lake_shore import LakeShore425, LakeShore475
 from eimi_drivers.sensors.text_line import TextLine
 from eimi_drivers.supplies.logged import LoggedTransport, is_logged
 
-SENSORS: Drivers[SensorDriver] = Drivers(
-    "sensor",
-    "eimi_drivers.sensors",
-    {driver.name: driver for driver in (LakeShore425, LakeShore475, FWBell5080, TextLine)},
-)
+_OWN = (LakeShore425, LakeShore475, FWBell5080, TextLine)
+
+SENSORS: Drivers[SensorDriver] = Drivers("sensor", "eimi_drivers.sensors", {driver.name: driver for driver in _OWN})
 """Sensor drivers by name: drivers of this package, of other installed packages, and drivers added by a program."""
 
 
@@ -86,4 +85,4 @@ def open_with(driver: SensorDriver, name: str, address: str, clock: Clock) -> Se
             raise InstrumentError(f"{name} sensor {address}: its driver raised {raised(error)} on opening") from error
         check_sensor(name, driver, sensor)
         opened.pop_all()
-    return sensor
+    return sensor if driver in _OWN else ForeignSensor(sensor, name, address)
