@@ -463,6 +463,7 @@ PLAIN = [[[1.0, 5.0]], [[1.0, 2.0]]]
         ),
         ({"rest": 12}, {}, "--rest 12: should be a frame of t, which has the frames 10 to 11"),
         ({"rest": 9}, {}, "--rest 9"),
+        ({"rest": 10}, {"rest": np.zeros((1, 2))}, "--rest 10: t contains the positions at rest, .*; leave --rest out"),
         ({"plane": "xz"}, {}, "--plane xz: is for points in three dimensions"),
         ({"clamp": None}, {}, "give --clamp X,Y and --axis DEG"),
         ({"axis_deg": None}, {"image_axes": True}, "file, or --calibration of the pictures"),
@@ -504,7 +505,7 @@ _DEFAULTS = {name: field.get_default(call_default_factory=True) for name, field 
 
 def placed_points(rest: Any, places: Any = None, times: Any = None) -> Any:
     given = tracks_of(np.array([rest]) if places is None else places, times_s=times, rest=np.array(rest, dtype=float))
-    options = IN_CM | {"unit": "mm", "clamp": (0.0, 0.0), "axis_deg": 0.0}
+    options = IN_CM | {"unit": "mm", "clamp": (0.0, 0.0), "axis_deg": 0.0, "rest": None}
     return place(given, Placing(**options), "t")
 
 

@@ -99,6 +99,11 @@ def place(tracks: Tracks, placing: Placing, origin: str) -> PlacedTracks:
     unit_mm, to_mm = _to_beam_frame(tracks, placing, origin)
     places = to_mm(flat)
     if tracks.rest is not None:
+        if placing.rest is not None:
+            raise InputError(
+                f"--rest {placing.rest}: {origin} contains the positions at rest, in the reference picture; leave "
+                "--rest out"
+            )
         rest = to_mm(tracks.rest)
     elif placing.rest is None:
         raise InputError(
