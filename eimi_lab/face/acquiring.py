@@ -243,6 +243,7 @@ def run_protocol(
         refuse_taken(output, force)
     elif force or note:
         raise InputError("--resume: continues the run in an existing dataset; leave out --force and --note")
+    _check_note(note)
     if transcript is not None:
         check_distinct([output], [transcript])
         refuse_existing(transcript, force=False)
@@ -286,6 +287,16 @@ def run_protocol(
             show=watched_run.show,
             typed=watched_run.typed,
         )
+
+
+def _check_note(note: str) -> None:
+    """Raise InputError if the note of a run cannot be stored, because it is not text in UTF-8."""
+    try:
+        note.encode()
+    except UnicodeEncodeError as error:
+        raise InputError(
+            f"--note {note!a}: character {error.start + 1} is not text in UTF-8; write the note in UTF-8"
+        ) from error
 
 
 def _to_both(first: OnEvent, second: OnEvent) -> OnEvent:

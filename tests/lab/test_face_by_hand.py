@@ -933,6 +933,7 @@ def test_a_run_that_cannot_be_is_refused_and_a_risk_is_told(
     for how, words in (
         ({"resume": True, "force": True}, "--resume: continues the run in an existing dataset"),
         ({"resume": True, "note": "n"}, "--resume: continues the run in an existing dataset"),
+        ({"note": "caf\udce9"}, r"--note 'caf\\udce9': character 4 is not text in UTF-8"),
         ({"transcript": transcript, "simulated": True}, "--transcript: a virtual supply exchanges no messages"),
         ({"transcript": output}, "o.h5"),
         ({"read": [output]}, "o.h5"),
