@@ -28,18 +28,28 @@ def read_deeplabcut(path: Path) -> Tracks:
     if not {"bodyparts", "coords"} <= header.keys() or not body:
         raise refused(path, "DeepLabCut", "the first rows should begin with scorer, bodyparts and coords")
     parts, coords = header["bodyparts"], header["coords"]
+    for name in ("individuals", "bodyparts"):
+        if name in header and len(header[name]) != len(coords):
+            raise refused(
+                path,
+                "DeepLabCut",
+                f"the rows {name} and coords should have equal numbers of cells, not {len(header[name])} and "
+                f"{len(coords)}",
+            )
     if animals := header.get("individuals"):
         parts = [
             part if animal == "single" else f"{animal} {part}" for animal, part in zip(animals, parts, strict=True)
         ]
     width = len(coords) + 1
-    if bad := [line for line, cells in body if len(cells) != width or not cells[0].isdigit()]:
+    if bad := [line for line, cells in body if len(cells) != width or not cells[0].isdecimal()]:
         raise refused(
             path, "DeepLabCut", f"line {bad[0]} should have the number of a frame and {width - 1} further cells"
         )
     table = np.array([numbers(path, line, cells[1:]) for line, cells in body])
     columns = {(part, coord): table[:, k] for k, (part, coord) in enumerate(zip(parts, coords, strict=True))}
     names = tuple(part for part in dict.fromkeys(parts) if (part, "x") in columns and (part, "y") in columns)
+    if not names:
+        raise refused(path, "DeepLabCut", "the row coords should contain x and y for a part of bodyparts")
     places = np.stack([np.stack([columns[name, "x"], columns[name, "y"]], axis=-1) for name in names], axis=1)
     for k, name in enumerate(names):
         if (name, "likelihood") in columns:

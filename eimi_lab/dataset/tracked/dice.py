@@ -21,6 +21,7 @@ from eimi_lab.process.errors import InputError
 # reference picture; the centre of the first pixel is 0, 0, and y points down. SIGMA is the standard deviation of a
 # displacement, or a negative number if the correlation failed.
 _NEEDED = ("COORDINATE_X", "COORDINATE_Y", "DISPLACEMENT_X", "DISPLACEMENT_Y")
+_COUNTS = {"SUBSET_ID", "FRAME"}
 Columns = dict[str, NDArray[np.float64]]
 
 
@@ -51,12 +52,16 @@ def read_dice(path: Path) -> Tracks:
 def _read(path: Path) -> Columns:
     (_, header), *body = read_cells(path, ", ", comment="***")
     header = [column for column in header if column]
-    if not set(_NEEDED) <= set(header) or not {"SUBSET_ID", "FRAME"} & set(header) or not body:
+    if not set(_NEEDED) <= set(header) or not _COUNTS & set(header) or not body:
         raise refused(path, "DICe", f"its columns should be SUBSET_ID or FRAME, {', '.join(_NEEDED)} and others")
     rows = [(line, [cell for cell in row if cell]) for line, row in body]
     if bad := [line for line, row in rows if len(row) != len(header)]:
         raise refused(path, "DICe", f"line {bad[0]} should have {len(header)} numbers, one for each column")
     table = np.array([numbers(path, line, row) for line, row in rows])
+    for k, column in enumerate(header):
+        if column in _COUNTS and not np.isfinite(table[:, k]).all():
+            line = rows[int(np.isfinite(table[:, k]).argmin())][0]
+            raise refused(path, "DICe", f"line {line} should have a number in the column {column}")
     return {column: table[:, k] for k, column in enumerate(header)}
 
 

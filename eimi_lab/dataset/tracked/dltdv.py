@@ -45,7 +45,7 @@ def read_dltdv(path: Path) -> Tracks:
 
 def _tracks(path: Path, columns: list[str], table: NDArray[np.float64]) -> Tracks:
     named = [_NAME.fullmatch(column) for column in columns]
-    if not all(named) or not len(table):
+    if not named or not all(named) or not len(table):
         raise refused(path, "DLTdv", "its columns should be named pt1_cam1_X, pt1_cam1_Y, … or pt1_X, pt1_Y, pt1_Z, …")
     keys = [match.groups() for match in named if match]
     cameras = {camera for _, camera, _ in keys}

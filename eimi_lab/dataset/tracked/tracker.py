@@ -22,8 +22,8 @@ _INDEPENDENT = ("t", "frame", "n", "step")
 def read_tracker(path: Path) -> Tracks:
     """Return the positions x and y of each tracked point in each frame of a Tracker file.
 
-    If the first column contains times, the frames are counted from 0. Raises InputError if Tracker did not write the
-    file.
+    If the first column contains times, the frames are counted from 0. A row without a time or frame number is left out.
+    Raises InputError if Tracker did not write the file.
     """
     rows = read_cells(path, "\t;, ")
     at = next((k for k, (_, cells) in enumerate(rows[:3]) if cells[0] in _INDEPENDENT), None)
@@ -48,9 +48,13 @@ def read_tracker(path: Path) -> Tracks:
     width = len(header)
     filled = [(line, [*cells, *[""] * (width - len(cells))][:width]) for line, cells in body]
     table = np.array([numbers(path, line, cells) for line, cells in filled])
+    numbered = np.flatnonzero(np.isfinite(table[:, 0]))
+    if not len(numbered):
+        raise refused(path, "Tracker", f"at least one row should have a number in the column {header[0]}")
+    table = table[numbered]
     places = np.stack([table[:, list(pair)] for pair in columns], axis=1)
     times = table[:, 0] if header[0] == "t" else None
-    frames = np.arange(len(table)) if times is not None else table[:, 0].astype(np.int64)
+    frames = numbered if times is not None else table[:, 0].astype(np.int64)
     return Tracks(names=_distinct(names), frames=frames, places=places, times_s=times)
 
 
