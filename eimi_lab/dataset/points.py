@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -24,6 +25,7 @@ from eimi_lab.dataset.layout import (
 )
 from eimi_lab.dataset.measured_columns import write_measured_columns
 from eimi_lab.dataset.tip_force_angles import write_tip_force_angles
+from eimi_lab.process.errors import InputError
 
 Array = NDArray[np.float64]
 
@@ -117,7 +119,14 @@ def write_points(
         The loads and the tracked points of each load step.
     gravity
         Whether the simulation of the beam includes its weight.
+
+    Raises
+    ------
+    InputError
+        If the direction of gravity is not finite.
     """
+    if not math.isfinite(gravity_angle_deg):
+        raise InputError(f"--gravity-angle {gravity_angle_deg:g}: should be a finite number of degrees")
     with h5py.File(path, "w", libver=WRITTEN_AS) as file:
         entry = write_header(file, header)
         data = group(entry, "data", "NXdata")
