@@ -158,7 +158,9 @@ def _is_list_of_tables(value: Any) -> bool:
 def _toml(value: Any) -> str:
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(_toml, value))}]"
-    return value.isoformat() if isinstance(value, date) else json.dumps(value)
+    if isinstance(value, date):
+        return value.isoformat()
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")  # TOML forbids the control character DEL
 
 
 def parse_table(text: str, origin: str | Path) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from eimi_lab.config.people import People
 from eimi_lab.config.protocol import Protocol, SupplyLimits, load_protocol
 from eimi_lab.config.rig import Rig, load_rig
 from eimi_lab.config.specimen import SpecimenFile, load_specimen
-from eimi_lab.config.toml import Document, parse
+from eimi_lab.config.toml import Document, parse, parse_table, table_text
 from eimi_lab.process.errors import InputError
 
 SHIPPED = Path(str(package_files("eimi_lab.protocols")))
@@ -123,6 +123,11 @@ def test_a_tip_load_without_a_position_along_the_beam_is_at_the_tip(table: str, 
 def test_the_object_of_a_file_keeps_the_text_of_the_file(files: Path) -> None:
     path = files / "specimen.toml"
     assert load_specimen(path).text == path.read_text()
+
+
+def test_any_character_of_a_name_is_read_back_from_written_text() -> None:
+    table = {"name": 'µ "ø" \\ 😀 \u2028', "controls": "".join(map(chr, [*range(32), 0x7F, 0x85])), "list": ["😀"]}
+    assert parse_table(table_text(table), "a.toml") == table
 
 
 def refuse(model: type[Document], shipped: Document, old: str, new: str) -> str:
