@@ -372,6 +372,14 @@ def test_a_buffer_without_a_frame_is_no_lost_frame(library: Library) -> None:
     assert camera.lost_frames == Counter({"missing packets": 1, "cleared": 1})
 
 
+def test_before_the_first_frame_a_buffer_that_may_hold_no_frame_is_no_lost_frame(library: Library) -> None:
+    camera = AravisCamera("10.0.0.9", TRIGGERED)
+    coming: list[dict[str, Any]] = [{"status": 1}, {"status": 2}, {"region": (0, 0, 0, 0)}, {"status": 1}, {"id": 2}]
+    library.answers["camera_software_trigger"] = lambda camera: library.coming.append(coming.pop(0))
+    assert camera.grab(1.0).number == 2
+    assert camera.lost_frames == Counter({"timeout before all packets came": 1})
+
+
 def test_a_camera_that_hangs_is_reported_as_disconnected(library: Library, monkeypatch: pytest.MonkeyPatch) -> None:
     camera = AravisCamera("10.0.0.9", FREE)
     monkeypatch.setattr(AtOnce, "hangs", True)

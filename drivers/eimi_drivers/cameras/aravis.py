@@ -340,8 +340,8 @@ class AravisCamera:
 
     def _numbered(self, identifier: int) -> int:
         """Convert the frame number of the camera into a number that always increases, and count the missing frames."""
-        step = 1 + self._incomplete.total()
         if self._last_id is None:
+            step = 1 + self._incomplete.total() - sum(self._incomplete[reason] for reason in NO_FRAME)
             self._number = identifier
         else:
             step = identifier - self._last_id
