@@ -5,7 +5,7 @@ from __future__ import annotations
 import socket
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 
 import pytest
@@ -24,10 +24,10 @@ LIMITS = Limits(current_A=1.0, voltage_V=12.0)
 
 
 @contextmanager
-def energised(serve) -> Iterator[tuple[PowerSupply, CoilSupply, FaultyInstrument]]:
+def energised(serve, driver: str = "scpi") -> Iterator[tuple[PowerSupply, CoilSupply, FaultyInstrument]]:
     coil = CoilSupply(WallClock())
-    line = FaultyInstrument(emulate("scpi", coil))
-    with serve(line) as address, closing(open_supply("scpi", address, LIMITS)) as supply:
+    line = FaultyInstrument(emulate(driver, coil))
+    with serve(line) as address, closing(open_supply(driver, address, LIMITS)) as supply:
         supply.set_voltage(12.0)
         supply.set_current(0.5)
         supply.set_output(True)
@@ -43,6 +43,34 @@ def test_a_line_that_was_dropped_once_is_reopened_and_the_output_goes_off(serve,
         assert not coil.state.output
         assert coil.state.set_current_A == 0.0
         assert supply.measure().current_A == pytest.approx(0.0, abs=0.5)  # the line still works
+
+
+def first(message: bytes) -> Callable[[bytes], bool]:
+    # Return a function that is True for the first message that begins with `message`.
+    seen: list[bytes] = []
+
+    def concerns(data: bytes) -> bool:
+        seen.extend([data] if data.startswith(message) else [])
+        return seen == [data]
+
+    return concerns
+
+
+def test_one_unreadable_answer_while_switching_off_is_asked_for_again_on_the_same_line() -> None:
+    with energised(serve_tcp, "korad") as (supply, coil, line):  # this supply has no serial number
+        supply.identify()
+        line.inject(Fault.GARBAGE, first(b"ISET1?"))
+        assert not supply.safe_off().found_off
+        assert not coil.state.output
+
+
+@pytest.mark.parametrize("driver", ["scpi", "keysight-e3631a"])
+def test_an_error_in_the_queue_of_the_supply_does_not_hinder_that_the_supply_is_confirmed_off(driver: str) -> None:
+    with energised(serve_tcp, driver) as (supply, coil, line):
+        supply.identify()
+        line.instrument._errors.append('-410,"Query INTERRUPTED"')
+        supply.safe_off()
+        assert not coil.state.output
 
 
 def test_a_message_on_a_socket_does_not_wait_for_the_acknowledgement_of_the_message_before() -> None:

@@ -12,7 +12,9 @@ from eimi_drivers.interfaces import (
     AnotherSupply,
     Clock,
     Identity,
+    InstrumentDisconnected,
     InstrumentError,
+    InstrumentTimeout,
     Limits,
     Off,
     ProtectionTripped,
@@ -30,6 +32,9 @@ from eimi_drivers.supplies.values import set_point_text
 
 READ_BACK_WITHIN_S = 0.6
 """Time (s) within which a supply must report a new set-point; some Korad firmware needs 0.45 s."""
+
+LINE_LOST = (InstrumentDisconnected, InstrumentTimeout)
+"""Errors after which the connection may be lost, so that `SupplyBase.safe_off` reopens it."""
 
 _Value = TypeVar("_Value")
 
@@ -236,10 +241,12 @@ class SupplyBase(Conversation, ABC):
         Raises
         ------
         SwitchOffFailed
-            A step failed twice, a current still flows, or the instrument at the address may be another supply.
+            A step failed repeatedly, a current still flows, or the instrument at the address may be another supply.
         """
         found_off = self._unconfirmed and self._compare()
         failed = self._try_to_switch_off()
+        if failed and not isinstance(failed.__cause__, LINE_LOST):  # the supply answered, so it is still the same
+            failed = self._try_to_switch_off()
         if failed:
             found_off = self._reopen_and_compare()
             failed = self._try_to_switch_off()
