@@ -6,7 +6,7 @@ The guardian process switches the supply off if the run dies.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -61,7 +61,7 @@ def open_coil(
     transcript : Path or None
         New file for every message to and from the supply.
     on_event : OnEvent or None
-        Receives a warning if a sensor cannot be closed; None prints the warning.
+        Receives a warning if an instrument cannot be closed or the transcript is incomplete; None prints the warning.
     guardian_events : int or None
         File descriptor for the events of the guardian (the process that switches the coil off if the run dies).
 
@@ -87,9 +87,9 @@ def open_coil(
         opened.enter_context(kept_awake("a run is in progress and a current flows in a coil"))
         guardian = opened.enter_context(guarding(ward, guardian_events))
         try:
-            supply = opened.enter_context(
-                closing(open_supply(ward.driver, ward.address, within, wall, transcript, interruption.between_messages))
-            )
+            tell = on_event or on_terminal(silent)
+            supply = open_supply(ward.driver, ward.address, within, wall, transcript, interruption.between_messages)
+            opened.callback(close_or_tell, supply, tell)
             sensors = []
             for rule in rig.sensors:
                 sensor: Sensor = (
@@ -98,7 +98,7 @@ def open_coil(
                     else open_sensor(rule.driver, rule.address, wall)
                 )
                 sensors.append(OpenSensor(rule, sensor))
-                opened.callback(close_or_tell, sensors[-1].sensor, on_event or on_terminal(silent))
+                opened.callback(close_or_tell, sensors[-1].sensor, tell)
         except InstrumentDisconnected as error:
             raise InstrumentDisconnected(f"{error}; {attached()}") from error
         yield CoilBench(supply, wall, guardian, interruption, tuple(sensors))
@@ -131,8 +131,8 @@ def open_virtual_sensors(
     )
 
 
-def close_or_tell(instrument: Camera | Sensor, on_event: OnEvent) -> None:
-    """Close a camera or a sensor, and send an error as a warning to `on_event`."""
+def close_or_tell(instrument: Camera | PowerSupply | Sensor, on_event: OnEvent) -> None:
+    """Close an instrument, and send an error as a warning to `on_event`."""
     try:
         instrument.close()
     except InstrumentError as error:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import errno
+import os
+from io import StringIO
 from pathlib import Path
 
 import pytest
@@ -9,7 +12,7 @@ import pytest
 from eimi_drivers.clock import SimulatedClock, WallClock
 from eimi_drivers.emulators import DIALECTS, CoilSupply, emulate, serve_tcp
 from eimi_drivers.emulators.faults import Fault, FaultyInstrument
-from eimi_drivers.interfaces import InstrumentTimeout, Limits, PowerSupply, Reading
+from eimi_drivers.interfaces import InstrumentError, InstrumentTimeout, Limits, PowerSupply, Reading
 from eimi_drivers.supplies import SUPPLIES, open_supply
 from eimi_drivers.supplies.transcript import (
     RecordingTransport,
@@ -77,6 +80,40 @@ def test_faults_of_the_line_are_played_back(tmp_path: Path) -> None:
         again.measure()
     wire.assert_complete()
     assert "1.000000 <! InstrumentTimeout here: no complete answer" in file.read_text()
+
+
+class FullDisk(StringIO):
+    # A file on a disk that has no space left.
+
+    def write(self, text: str) -> int:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def test_a_full_disk_ends_the_recording_but_not_the_messages(tmp_path: Path) -> None:
+    clock, file, coil = SimulatedClock(), tmp_path / "wire.txt", CoilSupply(SimulatedClock())
+    link = RecordingTransport(InProcessTransport(emulate("scpi", coil), clock), file, clock)
+    supply = SUPPLIES["scpi"](link, LIMITS, clock)
+    supply.set_current(0.7)
+    recorded = file.read_text()
+    link._file.close()
+    link._file = FullDisk()  # type: ignore[assignment]
+    supply.set_output(True)
+    assert coil.state.output
+    supply.safe_off()
+    assert not coil.state.output
+    assert link.reopen() is False
+    with pytest.raises(InstrumentError, match=r"wire\.txt: later messages are not recorded: No space left on device$"):
+        supply.close()
+    supply.close()
+    assert file.read_text() == recorded
+
+
+def test_a_transcript_on_a_full_disk_is_refused_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = SimulatedClock()
+    link = InProcessTransport(emulate("scpi", CoilSupply(clock)), clock)
+    monkeypatch.setattr(Path, "open", lambda *arguments, **options: FullDisk())
+    with pytest.raises(OSError, match="No space left"):
+        RecordingTransport(link, tmp_path / "wire.txt", clock)
 
 
 def test_escaping_preserves_all_bytes() -> None:

@@ -6,6 +6,7 @@ Kinds: ``open`` connection opened, ``>`` sent, ``<`` read, ``>!`` error while se
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 
 from eimi_drivers import interfaces
@@ -18,7 +19,11 @@ class TranscriptMismatch(AssertionError):
 
 
 class RecordingTransport:
-    """A connection to an instrument that records all messages in a file."""
+    """A connection to an instrument that records all messages in a file.
+
+    If the file cannot be written, for example because the disk is full, the recording ends. All messages are sent and
+    read nevertheless, and `close` reports the error.
+    """
 
     def __init__(self, link: Transport, file: Path, clock: Clock) -> None:
         """Create the file; raise OSError if the file exists or cannot be created."""
@@ -26,11 +31,21 @@ class RecordingTransport:
         self._link = link
         self._clock = clock
         self._began_s = clock.now()
+        self._path = file
         self._file = file.open("x", encoding="ascii", buffering=1)
+        self._failed: OSError | None = None
         self._note("open", link.address.encode("unicode_escape").decode("ascii"))
+        if self._failed:
+            self._close_file()
+            raise self._failed
 
     def _note(self, kind: str, text: str) -> None:
-        print(f"{self._clock.now() - self._began_s:.6f} {kind} {text}", file=self._file)
+        if self._failed or self._file.closed:
+            return
+        try:
+            print(f"{self._clock.now() - self._began_s:.6f} {kind} {text}", file=self._file)
+        except OSError as error:  # the instrument must be switched off although its messages cannot be recorded
+            self._failed = error
 
     def _fault(self, kind: str, error: InstrumentError) -> None:
         self._note(kind, f"{type(error).__name__} {error}".encode("unicode_escape").decode("ascii"))
@@ -63,9 +78,16 @@ class RecordingTransport:
         return self._link.reopen()
 
     def close(self) -> None:
-        """Release the connection and close the file."""
+        """Release the connection and close the file; raise InstrumentError if messages could not be recorded."""
         self._link.close()
-        self._file.close()
+        self._close_file()
+        failed, self._failed = self._failed, None
+        if failed:
+            raise InstrumentError(f"{self._path}: later messages are not recorded: {failed.strerror}") from failed
+
+    def _close_file(self) -> None:
+        with suppress(OSError):
+            self._file.close()
 
 
 class ReplayedTransport:
