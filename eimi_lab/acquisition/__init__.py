@@ -24,6 +24,7 @@ playback          play a recording in place of a camera
 live_view         show the frames during a run
 sensing           read the sensors
 interlocks        end the run if a reading leaves its bounds
+current_steps     refuse currents between the steps of the supply
 heating           predict whether a protocol overheats the coil
 switching_off     end every run with the coil off
 doubt             report that the coil may still be on, if switching it off takes long

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_drivers.interfaces import InstrumentError, SensorReading
-from eimi_drivers.supplies.supply_names import is_bipolar
+from eimi_drivers.supplies.supply_names import is_bipolar, supply_driver
+from eimi_drivers.supplies.values import set_point_text
 from eimi_lab.acquisition.coil import Coil, never
 from eimi_lab.acquisition.events import OnEvent, Warned
 from eimi_lab.acquisition.interlocks import Interlocks, readings_of
@@ -58,7 +59,8 @@ class CoilCalibration:
 def calibration_currents(rig: Rig, largest_A: float | None, steps: int) -> list[float]:
     """Return the currents (A) of a calibration: in equal steps from zero to the largest current and back.
 
-    If the supply can reverse its current, the currents with the opposite sign follow.
+    The currents are rounded toward zero to the step of the supply. If the supply can reverse its current, the currents
+    with the opposite sign follow.
 
     Parameters
     ----------
@@ -83,7 +85,8 @@ def calibration_currents(rig: Rig, largest_A: float | None, steps: int) -> list[
             f"supply.limits.current_A = {limit:g}"
             + (f" and coil.continuous_current_A = {rig.coil.continuous_current_A:g}" if rig.coil else "")
         )
-    up = [round(float(current), 6) for current in np.linspace(0.0, largest, steps)]
+    step = "0.000001" if rig.simulated else getattr(supply_driver(rig.supply.driver), "current_step_A", "0.000001")
+    up = [float(set_point_text(current, step)) for current in np.linspace(0.0, largest, steps)]
     currents = [*up, *up[-2::-1]]
     bipolar = not rig.simulated and is_bipolar(rig.supply.driver)
     return [*currents, *(-current for current in currents[1:])] if bipolar else currents

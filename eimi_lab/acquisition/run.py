@@ -15,6 +15,7 @@ from typing import Literal
 
 from eimi_lab.acquisition.coil import Coil, without_contact
 from eimi_lab.acquisition.conditioning import condition
+from eimi_lab.acquisition.current_steps import refuse_between_steps
 from eimi_lab.acquisition.event_words import left_behind
 from eimi_lab.acquisition.events import (
     Event,
@@ -212,6 +213,7 @@ def acquire(
         sensing = Sensing(bench.sensors, clock, warn, beat)
         sensor_identities, sensors = sensing.begin()
         identities = (supply.identify(), camera.identify(), *sensor_identities)
+        refuse_between_steps(protocol, supply)
         if bench.guardian:
             bench.guardian.expect(identities[0])
         header = Header(

@@ -137,6 +137,11 @@ class WatchedSupply:
         """Largest current that the meter of the supply shows when no current flows, A."""
         return float(getattr(self._supply, "reads_zero_within_A", 0.0))
 
+    @property
+    def current_step_A(self) -> str | None:
+        """Step in which the supply sets its current, A, as decimal text; None if not known."""
+        return getattr(self._supply, "current_step_A", None)
+
     def values(self) -> dict[str, Any]:
         """Return the set-point (A), the measured current (A), whether the output is on, and the heating of the coil.
 

@@ -122,9 +122,10 @@ def test_the_currents_of_a_calibration_go_up_and_back_and_then_the_other_way_on_
     rig = load_rig("bench_example")
     assert calibration_currents(rig, None, 2) == [0.0, 1.6, 0.0]  # the rating of the coil is below that of the supply
     assert calibration_currents(rig.model_copy(update={"coil": None}), None, 2)[1] == rig.supply.limits.current_A
-    assert calibration_currents(rig, 1.0, 4) == [0.0, 0.333333, 0.666667, 1.0, 0.666667, 0.333333, 0.0]
+    assert calibration_currents(rig, 1.0, 4) == [0.0, 0.333, 0.666, 1.0, 0.666, 0.333, 0.0]
     bipolar = rig.model_copy(update={"supply": rig.supply.model_copy(update={"driver": "kepco-bop"})})
     assert calibration_currents(bipolar, 1.0, 3) == [0.0, 0.5, 1.0, 0.5, 0.0, -0.5, -1.0, -0.5, 0.0]
+    assert calibration_currents(bipolar, 1.0, 4)[:4] == [0.0, 0.33, 0.66, 1.0]  # its step is 0.01 A
     for largest_A in (0.0, -0.5):
         with pytest.raises(InputError, match="should be above 0"):
             calibration_currents(rig, largest_A, 3)
