@@ -188,6 +188,8 @@ class BenchRun:
         self.progress = Progress(number, name, protocol, specimen, rig)
         self._changed = changed
         self._eyes = OpenedEyes(number, seen)
+        self._run: asyncio.subprocess.Process | None = None
+        self._called_off = False  # a person ended the run before its process was started
         self._tasks: list[asyncio.Task[None]] = []
         self._answered = asyncio.Event()
         self._answered.set()
@@ -201,7 +203,21 @@ class BenchRun:
         return not self._ended.is_set()
 
     async def begin(self) -> None:
-        """Start the run, and start the processes that compress its frames and find edges."""
+        """Start the run, and start the processes that compress its frames and find edges.
+
+        A run that a person has ended already is not started.
+        """
+        try:
+            if self._called_off:
+                self._has_ended()
+            else:
+                await self._start()
+        except BaseException:
+            self._kill()
+            self._has_ended()
+            raise
+
+    async def _start(self) -> None:
         memory = new_memory()
         bell_read_end, bell = os.pipe()
         events_read_end, events = os.pipe()
@@ -214,6 +230,8 @@ class BenchRun:
                 stderr=asyncio.subprocess.PIPE,
                 **(inherited | detached()),
             )
+        if self._called_off:
+            self._signal(signal.SIGTERM)
         rig, specimen = self.order.rig, self.order.specimen
         await self._eyes.open(memory, bell_read_end, rig, specimen)
         for descriptor in (memory, bell, events, bell_read_end):
@@ -279,17 +297,21 @@ class BenchRun:
         return in_words(OffNotConfirmed(by="run", reason=""))
 
     def _signal(self, number: int) -> None:
-        if SIGNALS_BETWEEN_PROCESSES:
+        if self._run is None:
+            self._called_off = True
+        elif SIGNALS_BETWEEN_PROCESSES:
             with suppress(ProcessLookupError):
                 self._run.send_signal(number)
         else:
             self._type(f"{SIGNAL}{number:d}")
 
     def _kill(self) -> None:
-        with suppress(ProcessLookupError):
-            self._run.kill()
+        if self._run is not None:
+            with suppress(ProcessLookupError):
+                self._run.kill()
 
     def _type(self, line: str) -> None:
+        assert self._run is not None
         assert self._run.stdin is not None
         with suppress(ConnectionError):
             self._run.stdin.write(line.encode() + b"\n")
@@ -309,6 +331,7 @@ class BenchRun:
 
     async def _hear(self, events: int) -> None:
         """Read the events and messages of the run until the run has ended."""
+        assert self._run is not None
         await asyncio.gather(self._hear_events(events), self._hear_words())
         self.progress.status = await self._run.wait()
         if self.progress.coil in (
@@ -316,6 +339,9 @@ class BenchRun:
             "switching off",
         ):  # no event confirmed the coil; a run without a guardian is simulated
             self._coil("unknown" if self.progress.guardian else "off")
+        self._has_ended()
+
+    def _has_ended(self) -> None:
         self._ended.set()
         self._phase("ended")
 
@@ -376,6 +402,7 @@ class BenchRun:
 
     async def _hear_words(self) -> None:
         """Store the last line that the run wrote to standard error."""
+        assert self._run is not None
         assert self._run.stderr is not None
         async for raw in self._run.stderr:
             if line := raw.decode("utf-8", "replace").strip():

@@ -8,13 +8,18 @@ import signal
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from eimi_lab.acquisition.events import Event, OffConfirmed, OffNotConfirmed, OutputSwitched, RunBegun, StateStored
+from eimi_lab.page import bench_run
 from eimi_lab.page.bench_run import BenchRun, Order
+from eimi_lab.page.data_folder import DataFolder
+from eimi_lab.page.run_desk import RunDesk
 from tests.patience import PATIENCE_S
+from tests.shared.changed_module import changed_module
 
 OTHER_WORDS = """
 import eimi_lab.acquisition.event_words as words
@@ -113,3 +118,72 @@ def test_the_page_counts_states_and_ignores_events_of_a_later_release() -> None:
     assert (run.progress.states, run.progress.stored) == (4, 3)
     assert run.progress.left_s == pytest.approx(7.0)
     assert run.progress.without_contact == "nothing happens, because the coil is simulated"
+
+
+def starts_with(monkeypatch: pytest.MonkeyPatch, start: Callable[[], Any]) -> None:
+    # Let a run start its process with the function `start`.
+    async def started(*arguments: str, **options: Any) -> Any:
+        return start()
+
+    monkeypatch.setattr(bench_run, "asyncio", changed_module(asyncio, create_subprocess_exec=started))
+
+
+def in_new_loop(work: Any) -> Any:
+    with ThreadPoolExecutor(1) as thread:
+        return thread.submit(asyncio.run, work).result()
+
+
+def test_a_run_that_is_stopped_while_the_live_camera_closes_is_not_started(
+    files: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    starts_with(monkeypatch, lambda: pytest.fail("the run was started"))
+    tabs = SimpleNamespace(changed=lambda: None, show=lambda about, picture: None)
+    desk = RunDesk(DataFolder(files.resolve()), None, tabs)  # type: ignore[arg-type]
+    answers: list[Any] = []
+
+    async def stop_while_closing() -> None:
+        answers.append(await desk._stop(None))  # type: ignore[arg-type]
+
+    desk.camera.close = stop_while_closing  # type: ignore[method-assign]
+    in_new_loop(desk._start({"protocol": "protocol.toml", "specimen": "type1", "rig": "virtual", "dataset": "new.h5"}))
+    assert desk.run is not None
+    assert (desk.run.going_on, desk.run.progress.phase, desk.run.progress.stopped) == (False, "ended", True)
+    assert [answer.status_code for answer in answers] == [200]
+
+
+def test_a_run_that_is_ended_while_its_process_starts_receives_a_signal(monkeypatch: pytest.MonkeyPatch) -> None:
+    signals: list[int] = []
+
+    async def nothing(*given: Any) -> None: ...
+
+    async def closed(events: int) -> None:
+        os.close(events)
+
+    async def begin() -> None:
+        run = a_run(Path("nowhere"))
+        run._eyes.open, run._eyes.see, run._hear = nothing, nothing, closed  # type: ignore[method-assign]
+
+        def started() -> Any:
+            run.end()
+            return SimpleNamespace(send_signal=signals.append)
+
+        starts_with(monkeypatch, started)
+        await run.begin()
+
+    in_new_loop(begin())
+    assert signals == [signal.SIGTERM]
+
+
+def test_a_run_whose_process_cannot_be_started_has_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused() -> Any:
+        raise BlockingIOError("no more processes")
+
+    async def begin() -> BenchRun:
+        run = a_run(Path("nowhere"))
+        starts_with(monkeypatch, refused)
+        with pytest.raises(BlockingIOError):
+            await run.begin()
+        return run
+
+    run = in_new_loop(begin())
+    assert (run.going_on, run.progress.phase) == (False, "ended")
