@@ -325,11 +325,10 @@ def _how_off(event: OffConfirmed) -> str:
     return f"the measured current is below {event.limit_A:.3g} A"
 
 
-def off_after(off: OffConfirmed | OffNotConfirmed | None, seconds: float) -> str:
+def off_after(off: OffConfirmed, seconds: float) -> str:
     """Return a sentence for the web page: the coil is off, `seconds` after a person pressed STOP."""
     # The event says how this was found out.
-    how = f", {_how_off(off)}" if isinstance(off, OffConfirmed) else ""
-    return f"the coil is off, confirmed after {seconds:.2f} s{how}"
+    return f"the coil is off, confirmed after {seconds:.2f} s, {_how_off(off)}"
 
 
 def _why(takeover: Takeover, run_killed: bool = False) -> str:

@@ -333,6 +333,7 @@ def off_confirmed(
 class OffNotConfirmed(Event):
     """It could not be confirmed that the coil is off. The coil may still be on.
 
+    A run that refuses to begin, because the output is on or a current flows, reports this, too.
     `by` is the process that tried to switch the coil off: the run, or the guardian process if the run cannot do it.
     `reason` tells a person why this failed. `current_A` and `limit_A` are the measured current and the limit below
     which the coil counts as off; null if no current was measured. `takeover` is the reason why the guardian tried; null

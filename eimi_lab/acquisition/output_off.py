@@ -5,7 +5,7 @@ from __future__ import annotations
 from eimi_drivers.interfaces import InstrumentError, SwitchOffFailed
 from eimi_drivers.supplies.off import off_limit_A
 from eimi_lab.acquisition.coil import Coil
-from eimi_lab.acquisition.events import OnEvent
+from eimi_lab.acquisition.events import OffNotConfirmed, OnEvent
 from eimi_lab.acquisition.open_bench import Bench
 from eimi_lab.acquisition.open_coil import CoilBench
 from eimi_lab.acquisition.switching_off import switching_off
@@ -59,19 +59,21 @@ def begin_with_output_off(
     if not supply.output_on():
         limit_A = off_limit_A(supply)
         if getattr(supply, "measures_current", True) and abs(reading.current_A) > limit_A:
-            raise SwitchOffFailed(
+            reason = (
                 f"{supply.identify().address}: {reading.current_A:.2f} A measured although the output is off; the "
-                f"output counts as off at {limit_A:g} A or less",
-                reading.current_A,
-                limit_A,
+                f"output counts as off at {limit_A:g} A or less"
             )
+            on_event(OffNotConfirmed(by="run", reason=reason, current_A=reading.current_A, limit_A=limit_A))
+            raise SwitchOffFailed(reason, reading.current_A, limit_A)
         return
     if not take_over:
-        raise InstrumentError(
+        reason = (
             f"{supply.identify().address}: the output is on ({reading.current_A:.3f} A, {reading.voltage_V:.2f} V); "
             "another program may use the supply or may have crashed; a run begins with the output off"
             f"{instruction}"
         )
+        on_event(OffNotConfirmed(by="run", reason=reason))
+        raise InstrumentError(reason)
     limit = supply.limits.current_A
     coil = Coil(supply, bench.clock, ramp, asked_A=max(-limit, min(reading.current_A, limit)))
     with switching_off(coil, bench.guardian, bench.interruption, on_event):

@@ -64,6 +64,9 @@ CLOSED_WITHIN_S = 10.0
 KEPT_LINES = 40
 LONGEST_LINE = 1 << 24  # bytes: the first event of a run holds every current of its protocol
 NOTHING_SWITCHED = "nothing happens, because the coil is simulated"
+NOTHING_ON = "this run has switched nothing on"
+"""The answer to STOP before a run has switched the coil on."""
+
 SAID = (
     StateStored,
     StateStoredBefore,
@@ -290,10 +293,11 @@ class BenchRun:
             self._kill()
             with suppress(TimeoutError):
                 await asyncio.wait_for(self._answered.wait(), CLOSED_WITHIN_S)
+        off = self._last_off
         if self.progress.coil == "off":
-            return off_after(self._last_off, time.monotonic() - began)
-        if isinstance(self._last_off, OffNotConfirmed):
-            return in_words(self._last_off)
+            return off_after(off, time.monotonic() - began) if isinstance(off, OffConfirmed) else NOTHING_ON
+        if isinstance(off, OffNotConfirmed):
+            return at_the_page(in_words(off))
         return in_words(OffNotConfirmed(by="run", reason=""))
 
     def _signal(self, number: int) -> None:

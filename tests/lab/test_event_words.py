@@ -235,7 +235,6 @@ def test_the_last_words_of_a_run_and_of_a_stop() -> None:
     assert left_behind(OFF, ENDED) == f"the coil is off, {off}; {ended}"
     assert left_behind(None, ENDED) == ended
     assert off_after(OFF, 0.126) == f"the coil is off, confirmed after 0.13 s, {off}"
-    assert off_after(None, 0.5) == "the coil is off, confirmed after 0.50 s"
     with pytest.raises(TypeError, match="no sentence for the event Event"):
         in_words(Event())
 

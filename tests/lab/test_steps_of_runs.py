@@ -607,6 +607,7 @@ def test_a_run_begins_with_the_output_off(
     monkeypatch: pytest.MonkeyPatch, simulated: bool, take_over: bool, on: bool, current_A: float, asked_A: float
 ) -> None:
     calls: list[Any] = []
+    events: list[Any] = []
 
     @contextmanager
     def switching_off(*given: Any) -> Iterator[None]:
@@ -625,8 +626,10 @@ def test_a_run_begins_with_the_output_off(
     ramp = Ramp(rate_A_per_s=1.0, step_A=0.1, tolerance_A=0.02)
     if on and not take_over:
         words = rf"^COM3: the output is on \({current_A:.3f} A, 1\.50 V\); .*--take-over switches it off first$"
-        with pytest.raises(InstrumentError, match=words):
-            output_off.begin_with_output_off(bench, ramp, take_over, simulated, stop)  # type: ignore[arg-type]
+        with pytest.raises(InstrumentError, match=words) as it:
+            output_off.begin_with_output_off(bench, ramp, take_over, simulated, events.append)
+        (event,) = events
+        assert event == OffNotConfirmed(by="run", reason=str(it.value), time_s=event.time_s)
     else:
         output_off.begin_with_output_off(bench, ramp, take_over, simulated, stop)  # type: ignore[arg-type]
     switched = [
@@ -652,12 +655,17 @@ def test_a_current_with_the_output_off_is_refused(
         **({} if measures is None else {"measures_current": measures}),
     )
     bench: Any = SimpleNamespace(supply=supply)
+    events: list[Any] = []
     if not refused:
         output_off.begin_with_output_off(bench, None, False, False, stop)  # type: ignore[arg-type]
         return
     with pytest.raises(SwitchOffFailed, match=rf"^COM3: {current_A:.2f} A measured although the output is off; ") as it:
-        output_off.begin_with_output_off(bench, None, False, False, stop)  # type: ignore[arg-type]
+        output_off.begin_with_output_off(bench, None, False, False, events.append)  # type: ignore[arg-type]
     assert (it.value.current_A, it.value.limit_A) == (current_A, 0.05)
+    (event,) = events
+    assert (type(event), event.reason, event.current_A, event.limit_A) == (
+        *(OffNotConfirmed, str(it.value), current_A, 0.05),
+    )
     assert str(it.value).endswith("the output counts as off at 0.05 A or less")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import os
 import signal
 from collections.abc import Callable
@@ -14,6 +15,7 @@ from typing import Any
 import pytest
 
 from eimi_lab.acquisition.events import Event, OffConfirmed, OffNotConfirmed, OutputSwitched, RunBegun, StateStored
+from eimi_lab.acquisition.output_off import SWITCH_OFF_FIRST
 from eimi_lab.page import bench_run
 from eimi_lab.page.bench_run import BenchRun, Order
 from eimi_lab.page.data_folder import DataFolder
@@ -120,6 +122,20 @@ def test_the_page_counts_states_and_ignores_events_of_a_later_release() -> None:
     assert run.progress.without_contact == "nothing happens, because the coil is simulated"
 
 
+def test_stop_does_not_call_a_coil_off_that_was_on_before_the_run() -> None:
+    async def stopped_after(*events: Event) -> tuple[str, str]:
+        run = heard(*events)
+        run._ended.set()
+        return await run.stop(), run.progress.coil
+
+    refusal = OffNotConfirmed(by="run", reason=f"COM3: the output is on{SWITCH_OFF_FIRST}")
+    words = (
+        "THE COIL MAY STILL BE ON, switch it off by hand: COM3: the output is on; switch it off at the supply, then "
+    )
+    assert in_new_loop(stopped_after(refusal)) == (f"{words}press Start", "unknown")
+    assert in_new_loop(stopped_after()) == ("this run has switched nothing on", "off")
+
+
 def starts_with(monkeypatch: pytest.MonkeyPatch, start: Callable[[], Any]) -> None:
     # Let a run start its process with the function `start`.
     async def started(*arguments: str, **options: Any) -> Any:
@@ -148,7 +164,9 @@ def test_a_run_that_is_stopped_while_the_live_camera_closes_is_not_started(
     in_new_loop(desk._start({"protocol": "protocol.toml", "specimen": "type1", "rig": "virtual", "dataset": "new.h5"}))
     assert desk.run is not None
     assert (desk.run.going_on, desk.run.progress.phase, desk.run.progress.stopped) == (False, "ended", True)
-    assert [answer.status_code for answer in answers] == [200]
+    assert [json.loads(answer.body) for answer in answers] == [
+        {"words": "this run has switched nothing on", "off": True}
+    ]
 
 
 def test_a_run_that_is_ended_while_its_process_starts_receives_a_signal(monkeypatch: pytest.MonkeyPatch) -> None:
