@@ -59,6 +59,10 @@ async function openFolder() {
   byId("phone-next").textContent = "opening the folder …";
   const opened = await ask("/api/phone", { folder: name });
   if (byId("phone-folder").value !== name) return;
+  if (folder) { // what was typed for the previous folder does not go into this one
+    byId("phone-list").replaceChildren();
+    for (const field of byId("phone-form").querySelectorAll("[data-key]")) field.value = field.defaultValue;
+  }
   folder = { name, ...opened };
   saved = null;
   byId("phone-replace-row").hidden = !folder.written.length;

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
@@ -173,6 +174,25 @@ def test_points_can_be_set_and_moved_on_the_screen_of_a_phone(
     loupe.wait_for(state="hidden")
     off = np.subtract(position(marks.last), before) / scene.size[0] * box["width"]
     assert off == pytest.approx([40.0, 40.0], abs=1.0)  # the drag has moved the point instead of the page
+
+
+def test_typed_values_stay_with_their_folder(served: Any, tab: Any, frame: Any) -> None:
+    for name in ("first_beam", "second_beam"):
+        (served.folder / name).mkdir()
+        cv2.imwrite(str(served.folder / name / "a.png"), frame(1, 2.0))
+    page = tab(f"{served.address}#phone")
+    page.locator("#phone-folder option[value=first_beam]").wait_for(state="attached")
+    page.locator("#phone-folder").select_option("first_beam")
+    keys = ("a.png", "thread_mm", "length_mm", "density_kg_m3", "width_mm_sigma")
+    fields = {key: page.locator(f'#phone-form [data-key="{key}"]') for key in keys}
+    page.get_by_text("Click 1 of 4").wait_for()
+    page.get_by_text("More", exact=True).click()
+    before = {key: field.input_value() for key, field in fields.items()}
+    for field in fields.values():
+        field.fill("2.5")
+    page.locator("#phone-folder").select_option("second_beam")
+    page.get_by_text("Click 1 of 4").wait_for()
+    assert {key: field.input_value() for key, field in fields.items()} == before
 
 
 def position(mark: Any) -> list[float]:
