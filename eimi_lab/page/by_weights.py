@@ -304,7 +304,8 @@ def saved(
     Raises
     ------
     InputError
-        If a number is wrong or missing, or if a file exists and ``replace`` is false.
+        If a number is wrong or missing, if a file exists and ``replace`` is false, or if the dataset cannot be made. A
+        file that did not exist before does not exist afterwards.
     """
     specimen_text = _specimen_text(beam, folder)
     specimen = parse(SpecimenFile, specimen_text, SPECIMEN)
@@ -331,14 +332,20 @@ def saved(
     target = folder / dataset_name(folder)
     for name in (*texts, target.name):
         refuse_existing(folder / name, replace)
-    for name, text in texts.items():
-        write_file(folder / name, text, replace)
-    states = import_frames(
-        folder,
-        folder / STATES,
-        load_specimen(folder / SPECIMEN),
-        load_calibration(folder / CALIBRATION),
-        target,
-        replace,
-    )
+    new = [folder / name for name in texts if not (folder / name).exists()]
+    try:
+        for name, text in texts.items():
+            write_file(folder / name, text, replace)
+        states = import_frames(
+            folder,
+            folder / STATES,
+            load_specimen(folder / SPECIMEN),
+            load_calibration(folder / CALIBRATION),
+            target,
+            replace,
+        )
+    except BaseException:
+        for file in new:
+            remove(file)
+        raise
     return {"written": list(texts), "states": states, "dataset": target.name, "sources": _shown(measured)}

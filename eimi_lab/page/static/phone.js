@@ -169,7 +169,13 @@ async function saveAndFit() {
   if (clicks.points.length < needed().length) throw new Error(`click this point on the picture: ${needed()[clicks.points.length]}`);
   words("writing the files and the dataset …");
   byId("phone-result").hidden = true;
-  saved = await steer("/api/phone/save", { folder: folder.name, clicks: clicked(), beam: beam(), grams: grams(), replace: byId("phone-replace").checked || Boolean(saved) });
+  const replace = byId("phone-replace").checked || Boolean(saved);
+  try {
+    saved = await steer("/api/phone/save", { folder: folder.name, clicks: clicked(), beam: beam(), grams: grams(), replace });
+  } catch (error) {
+    byId("phone-replace-row").hidden = false; // the folder may contain files that it did not contain when it was opened
+    throw error;
+  }
   words(`wrote ${saved.written.join(", ")} and ${saved.dataset}: ${saved.states} states; the fit begins …`);
   await steer("/api/fit/start", { dataset: saved.dataset, model: "neo-hookean", free: saved.free, replace: true });
 }

@@ -103,6 +103,11 @@ def test_photographs_clicks_and_typed_numbers_lead_to_the_modulus(
     page.locator("#phone-picture polyline.edge >> nth=1").wait_for(state="attached")
     page.get_by_text("edges found in IMG_").wait_for()
     phone.type(**{path.name: grams for path, grams in zip(photographs, GRAMS, strict=True)})
+    (folder / "states.csv").write_text("of another program\n")  # after the view has opened the folder
+    replaces = page.get_by_label("replace existing files in the folder")
+    assert replaces.is_hidden()
+    page.get_by_role("button", name="Save and fit").click()
+    replaces.check()
     page.get_by_role("button", name="Save and fit").click()
     page.locator("#phone-report[href]").wait_for()
     page.locator("#phone-words", has_text="done").wait_for()

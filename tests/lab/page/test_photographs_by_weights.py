@@ -176,6 +176,18 @@ def test_existing_files_are_replaced_only_on_request(photographed: Path) -> None
     assert (written.name, written.material) == ("weights", "not given")
 
 
+def test_a_photograph_that_cannot_be_imported_leaves_no_new_file(photographed: Path) -> None:
+    cv2.imwrite(str(photographed / "IMG_10.png"), np.zeros((128, 96), np.uint8))  # upright, unlike the first one
+    (photographed / "states.csv").write_text("old")
+    before = sorted(photographed.iterdir())
+    with pytest.raises(InputError, match="all pictures of a dataset need the same size"):
+        saved(photographed, CLICKED, BEAM, GRAMS, True)
+    assert sorted(photographed.iterdir()) == before
+    (photographed / "states.csv").unlink()
+    cv2.imwrite(str(photographed / "IMG_10.png"), np.zeros((96, 128), np.uint8))
+    assert saved(photographed, CLICKED, BEAM, GRAMS, False)["states"] == 2
+
+
 @pytest.mark.parametrize(
     ("clicks", "beam", "grams", "words"),
     [
