@@ -7,13 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 from matplotlib.ticker import MaxNLocator
 
 from eimi_lab.fits.simulated_fit import Prediction
 from eimi_lab.reporting.contents import DatasetContents, ReportContents
 from eimi_lab.reporting.elements import Picture
 from eimi_lab.reporting.shown import ShownFit
-from eimi_lab.showing.drawing import Drawing, by_field, label
+from eimi_lab.showing.drawing import Drawing, label
 from eimi_lab.showing.palette import LINES, MARKERS, PALETTE
 
 WIDTH_IN = 4.4  # width of the figures of the first page
@@ -32,7 +33,7 @@ def drawn_at_a_glance(leading: Sequence[tuple[DatasetContents, Prediction[ShownF
     constant = not fields or max(fields) == min(fields)
     for place, (contents, prediction) in enumerate(leading):
         states = prediction.evidence.states
-        x, _ = by_field([0.0 if constant else s.field_mT for s in states], [s.index for s in states])
+        x = np.array([float(s.index) if constant else s.field_mT for s in states])
         order = x.argsort(kind="stable")
         error, deviation = 1e3 * prediction.error_mm[order], 1e3 * prediction.deviation_mm[order]
         colour = PALETTE[place % len(PALETTE)]

@@ -27,7 +27,7 @@ from eimi_lab.fits.law_record import Stability
 from eimi_lab.fits.records import FitRecord
 from eimi_lab.fits.tensile_record import TensileRecord
 from eimi_lab.reporting import findings
-from eimi_lab.reporting.error_at_a_glance import error_at_a_glance
+from eimi_lab.reporting.error_at_a_glance import drawn_at_a_glance, error_at_a_glance
 from eimi_lab.reporting.panels import (
     error_against_field,
     error_boxes,
@@ -302,6 +302,15 @@ def test_the_figures_of_several_datasets_are_as_accepted(
     constant: Any = SimpleNamespace(datasets=contents[1:2] or contents, fits=[one])
     lines += described(error_at_a_glance(constant), "constant")
     check([" ".join(line.split()) for line in lines], f"figures_of_{count}_datasets.txt", tmp_path, 2e-3, 1e-6)
+
+
+def test_a_dataset_in_a_constant_field_is_drawn_at_its_field(laws_shown: list[ShownFit]) -> None:
+    fields = (FIELDS, (1.0, 1.0, 1.0, 1.0), (8.0,))
+    leading = [
+        (SimpleNamespace(name=f"{k}.h5"), prediction(laws_shown[0], 1.0, field)) for k, field in enumerate(fields)
+    ]
+    (axes,) = drawn_at_a_glance(leading).axes  # type: ignore[arg-type]
+    assert [list(line.get_xdata()) for line in axes.lines] == [sorted(field) for field in fields]
 
 
 def test_the_errors_of_many_datasets_stand_in_tables_of_four(
