@@ -18,6 +18,7 @@ from eimi_lab.reporting.contents import DatasetContents, ReportContents
 from eimi_lab.reporting.residual_noise import residual_noise
 from eimi_lab.reporting.rounded import value_and_interval
 from eimi_lab.reporting.shown import ShownFit, chosen
+from eimi_lab.reporting.stress import stretch_reached
 
 _NOISE = "Do the residuals look like noise?"
 _NEXT = "What to measure better next?"
@@ -268,8 +269,9 @@ def _law(shown: ShownFit) -> Verdict:
 
 def _reach(fit: FitRecord | TensileRecord) -> Verdict:
     limit = fit.stability.stable_up_to_stretch
-    beyond = f"beyond {100 * (fit.max_stretch - 1):.1f} % strain"
-    words = f"The data reach a stretch of {fit.max_stretch:.3f}; any stress {beyond} is extrapolated."
+    reached = stretch_reached(fit)
+    beyond = f"beyond {100 * (reached - 1):.1f} % strain"
+    words = f"The data reach a stretch of {reached:.3f}; any stress {beyond} is extrapolated."
     held = [name for name in fit.held_by_bounds() if name != "initial_shear_modulus"]
     if held:
         words += f" The data do not determine {', '.join(held)}."

@@ -134,8 +134,13 @@ def largest_strain(fits: Sequence[ShownFit]) -> float:
 
 def reached(shown: ShownFit, mode: Mode) -> float:
     """Return the strain in a mode of deformation at the largest stretch in the data of a fit."""
-    curves = shown.fit.tensile if isinstance(shown.fit, FitRecord) else ()
-    return mode.at_stretch(max([shown.fit.max_stretch, *(1 + curve.largest_strain for curve in curves)]))
+    return mode.at_stretch(stretch_reached(shown.fit))
+
+
+def stretch_reached(fit: FitRecord | TensileRecord) -> float:
+    """Return the largest stretch in the data of a fit, with the tensile curves that were fitted with the states."""
+    curves = fit.tensile if isinstance(fit, FitRecord) else ()
+    return max([fit.max_stretch, *(1 + curve.largest_strain for curve in curves)])
 
 
 def stress_curve(shown: ShownFit, strain: Array, mode: Mode = UNIAXIAL) -> StressCurve:

@@ -9,6 +9,7 @@ from eimi_lab.fits.tensile_record import TensileRecord
 from eimi_lab.reporting.contents import ReportContents
 from eimi_lab.reporting.elements import Table
 from eimi_lab.reporting.panel import ReportPanel
+from eimi_lab.reporting.stress import stretch_reached
 
 _HEAD = ("law", "stretch reached", "stable up to", "stable over the data")
 
@@ -16,7 +17,11 @@ _HEAD = ("law", "stretch reached", "stable up to", "stable over the data")
 def _row(label: str, fit: FitRecord | TensileRecord) -> tuple[str, ...]:
     limit, checked = fit.stability.stable_up_to_stretch, fit.stability.checked_up_to_stretch
     stable_to = f"≥ {checked:g}" if limit is None else "nowhere" if limit <= 1 else f"{limit:.2f}"
-    return label, f"{fit.max_stretch:.3f}", stable_to, "yes" if limit is None or limit >= fit.max_stretch else "no"
+    reached = stretch_reached(fit)
+    over_data = "yes" if reached <= checked else f"checked up to {checked:g} only"
+    if limit is not None and limit < reached:
+        over_data = "no"
+    return label, f"{reached:.3f}", stable_to, over_data
 
 
 def _values(report: ReportContents) -> dict[str, Any] | None:

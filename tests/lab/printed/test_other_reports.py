@@ -100,13 +100,21 @@ def variants(fit: FitRecord) -> Iterator[tuple[str, FitRecord]]:
     yield "some exact", replace(fit, taken_as_exact=("remanence_T",))
     yield "all exact", replace(fit, budget=(), taken_as_exact=("dimensions",))
     yield "uncertain inputs", exact
-    for limit in (0.9, 1.0, 1.01, 1.2499, 1.25, 2.345, None):
+    for limit in (0.9, 1.0, 1.01, 1.4999, 1.5, 2.345, None):
         yield (
             f"stable to {limit}",
             replace(
                 fit, stability=Stability(criterion="Drucker", stable_up_to_stretch=limit, checked_up_to_stretch=3.0)
             ),
         )
+    yield (
+        "data beyond the largest checked stretch",
+        replace(
+            fit,
+            max_stretch=3.5,
+            stability=Stability(criterion="Drucker", stable_up_to_stretch=None, checked_up_to_stretch=3.0),
+        ),
+    )
     held = replace(fit.identifiability, held_by_bounds=("mu",), not_fixed=fit.identifiability.names[:1])
     yield "held", replace(fit, identifiability=held)
     yield "doubted", replace(fit, doubts=(Doubt("the clamp moved", 0), Doubt("the law is wrong", None)))

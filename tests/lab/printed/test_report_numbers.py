@@ -264,8 +264,8 @@ def test_the_first_screen_shows_the_result_of_a_fit(
     assert belief.answer == "budget stated"
     assert "The error is 12 µm (0.31 pixel)" in belief.words
     assert "left out of the fit the error is 23 µm." in belief.words
-    assert verdicts["What is extrapolated?"].answer == "beyond 25.0 % strain"
-    assert "a stretch of 1.250" in verdicts["What is extrapolated?"].words
+    assert verdicts["What is extrapolated?"].answer == "beyond 50.0 % strain"
+    assert "a stretch of 1.500" in verdicts["What is extrapolated?"].words
     assert "by width, whose standard uncertainty changes the modulus by 3 %" in finding.limit
     assert verdicts["What to measure better next?"].answer == fit.measure_next.words
     assert "3 states of bending, fields up to 6 mT" in finding.how
