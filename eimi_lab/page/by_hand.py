@@ -51,7 +51,10 @@ def folders(folder: DataFolder) -> list[str]:
 
 
 def _has_pictures(path: Path) -> bool:
-    return any(file.suffix.lower() in ENDINGS and not file.name.startswith(".") for file in path.iterdir())
+    try:
+        return any(file.suffix.lower() in ENDINGS and not file.name.startswith(".") for file in path.iterdir())
+    except OSError:  # the folder of another user, such as lost+found
+        return False
 
 
 def opened(path: Path) -> dict[str, Any]:

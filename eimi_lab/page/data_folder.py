@@ -84,6 +84,8 @@ class DataFolder:
     def listed(self, name: str = "") -> list[Entry]:
         """Return the entries of a folder: first the subfolders, then the files, the newest file first.
 
+        At most 2000 entries are returned. Pictures, of which a folder may hold more, are left out first.
+
         Raises
         ------
         InputError
@@ -96,11 +98,12 @@ class DataFolder:
         with os.scandir(folder) as entries:
             for entry in entries:
                 kind = self._kind(entry)
-                if kind and len(listed) < MOST_ENTRIES:
+                if kind:
                     about = entry.stat()
                     where = self.name_of(folder / entry.name)
                     listed.append(Entry(where, kind, about.st_mtime, about.st_size))
-        return sorted(listed, key=lambda entry: (entry.kind != "folder", -entry.changed_s, entry.name))
+        kept = sorted(listed, key=lambda entry: entry.kind == "picture")[:MOST_ENTRIES]
+        return sorted(kept, key=lambda entry: (entry.kind != "folder", -entry.changed_s, entry.name))
 
     def _kind(self, entry: os.DirEntry[str]) -> str:
         """Return the kind of an entry, such as "folder" or "dataset"; empty if the web page does not show the entry."""

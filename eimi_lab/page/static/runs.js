@@ -36,6 +36,7 @@ export async function openRun(file) {
   const about = await ask("/api/dataset", { file });
   if (mine !== openings) return;
   open = { file, about, edges: [], state: 0, number: mine };
+  picture.clear(); // the frame of the dataset that was open before
   tell("");
   const fits = showFits(file); // before the form is visible, because it shows the fits of this dataset
   byId("nothing-open").hidden = true;

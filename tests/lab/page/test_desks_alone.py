@@ -30,6 +30,7 @@ from eimi_lab.page import (
     camera_alone,
     camera_desk,
     choices,
+    data_folder,
     fit_desk,
     opened_eyes,
     server,
@@ -240,6 +241,16 @@ def test_a_link_out_of_the_folder_is_not_followed(folder: DataFolder, tmp_path_f
     assert folder.inside(None) == folder.root
     with pytest.raises(InputError, match=r"run\.h5: is not a folder"):
         folder.listed("run.h5")
+
+
+def test_many_pictures_do_not_hide_a_dataset(folder: DataFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(data_folder, "MOST_ENTRIES", 4)
+    for number in range(5):
+        (folder.root / f"{number}.png").touch()
+    os.utime(folder.root / "run.h5", (1e9, 1e9))
+    listed = folder.listed()
+    assert len(listed) == 4
+    assert (listed[0].name, listed[-1].name) == ("pictures", "run.h5")
 
 
 class Process:

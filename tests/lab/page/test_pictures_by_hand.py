@@ -160,6 +160,19 @@ def test_folders_with_pictures_are_listed_down_to_two_levels(own: Path, files: P
     assert folders(DataFolder(files / "a")) == ["b", "b/c"]  # a link out of the data folder is not followed
 
 
+def test_a_folder_that_may_not_be_read_is_left_out(own: Path, files: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (files / "lost+found").mkdir()
+    iterdir = Path.iterdir
+
+    def refused(path: Path) -> Any:
+        if path.name == "lost+found":
+            raise PermissionError(13, "Permission denied", str(path))
+        return iterdir(path)
+
+    monkeypatch.setattr(Path, "iterdir", refused)
+    assert folders(DataFolder(files)) == ["own"]
+
+
 def test_at_most_200_folders_are_searched(tmp_path: Path, own: Path) -> None:
     for number in range(MOST_FOLDERS + 2):
         folder = tmp_path / "many" / f"{number:03d}"
