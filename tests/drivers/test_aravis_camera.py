@@ -43,7 +43,19 @@ def still(alone: None) -> Iterator[CameraProcess]:
 def opened(settings: CameraSettings = NO_SETTINGS, source: str = LOOPBACK) -> AravisCamera:
     camera = open_camera("aravis", source, settings)
     assert isinstance(camera, AravisCamera)
+    _opened.append(camera)
     return camera
+
+
+_opened: list[AravisCamera] = []
+
+
+@pytest.fixture(autouse=True)
+def closed_at_the_end() -> Iterator[None]:
+    # Close all open cameras after a test, also after a failed one, so that the next test can control the camera.
+    yield
+    while _opened:
+        _opened.pop().close()
 
 
 def expected() -> np.ndarray:

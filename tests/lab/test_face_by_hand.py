@@ -479,14 +479,14 @@ def test_results_are_published_and_exported(called: Called, tmp_path: Path) -> N
     assert using.export("f.json", "yeoh", to="abaqus") == "*CARD"
     tail = {name: arguments for name, arguments, _ in calls}
     assert tail["choose_fit"] == (Path("f"), [one.fit for one in fits], "yeoh", None)
-    assert tail["bulk_modulus_Pa"] == ("chosen", None, None)
+    assert tail["bulk_modulus_Pa"] == ("chosen", "abaqus", None, None)
     assert tail["card"] == (Path("f"), "chosen", "abaqus", 7.0)
     using.export(
         "f.json", "ogden", to="sofa", index=1, bulk_modulus_kPa=3.0, bulk_ratio=4.0, output=tmp_path / "o", force=True
     )
     tail = {name: arguments for name, arguments, _ in calls}
     assert tail["choose_fit"][2:] == ("ogden", 1)
-    assert tail["bulk_modulus_Pa"] == ("chosen", 3.0, 4.0)
+    assert tail["bulk_modulus_Pa"] == ("chosen", "sofa", 3.0, 4.0)
     assert (tmp_path / "o").read_text() == "*CARD"
     with pytest.raises(InputError, match="exists"):
         using.export("f.json", "yeoh", to="abaqus", output=tmp_path / "o")
