@@ -27,6 +27,7 @@ from eimi_drivers.interfaces import (
 )
 from eimi_drivers.sensors import SENSORS
 from eimi_drivers.supplies import SUPPLIES
+from eimi_drivers.supplies.korad import MESSAGE_GAP_S
 from eimi_drivers.supplies.transport import InProcessTransport
 
 LIMITS = Limits(1.0, 12.0)
@@ -112,6 +113,40 @@ def test_an_answer_without_an_end_is_read_up_to_a_maximum_length(driver: str) ->
     with suppress(InstrumentError):
         device._ask("*IDN?")
     assert line.sizes == {256 if sensor else LONGEST.get(driver, 4096)}
+
+
+class InPieces(Timed):
+    # A connection over which the second half of an answer arrives `gap_s` (s) after the first half.
+
+    gap_s = 0.0
+
+    def write(self, message: bytes) -> None:
+        super().write(message)
+        half = len(self.answer) // 2
+        self.pieces = [(0.0, self.answer[:half]), (self.clock.now() + self.gap_s, self.answer[half:])]
+
+    def read(self, size: int, timeout_s: float, end: bytes = b"") -> bytes:
+        arrives_s, piece = self.pieces[0] if self.pieces else (float("inf"), b"")
+        self.clock.sleep(min(max(arrives_s - self.clock.now(), 0.0), timeout_s))
+        if arrives_s > self.clock.now():
+            raise InstrumentTimeout("nothing came")
+        self.pieces = [(arrives_s, piece[size:])] * (len(piece) > size) + self.pieces[1:]
+        return piece[:size]
+
+
+@pytest.mark.parametrize("identity", ["KORADKA3005PV2.0", "KORAD KD3005P V4.2 SN:03379314", "A supply of another kind"])
+def test_the_identity_of_a_korad_is_read_to_its_end_although_it_arrives_in_two_pieces(identity: str) -> None:
+    clock = SimulatedClock()
+    line = InPieces(clock, identity.encode())
+    line.gap_s = MESSAGE_GAP_S + 0.25
+    assert SUPPLIES["korad"](line, LIMITS, clock).identify().text == identity
+
+
+@pytest.mark.parametrize("identity", ["KORADKA3005PV2.0", "KORAD KD3005P V4.2 SN:03379314", "TENMA 72-2540 V2.1\0"])
+def test_after_a_whole_identity_a_korad_is_not_awaited_for_long(identity: str) -> None:
+    clock = SimulatedClock()
+    SUPPLIES["korad"](InPieces(clock, identity.encode()), LIMITS, clock).identify()
+    assert clock.now() == pytest.approx(MESSAGE_GAP_S + 0.05)
 
 
 def test_a_sensor_waits_half_a_second_for_a_late_answer() -> None:

@@ -29,6 +29,13 @@ PROTECTION_BITS = 0x20 | 0x80
 With some firmware a bit means that the protection has tripped, with other firmware that the protection is armed.
 """
 
+WHOLE_IDENTITY_GAP_S, IDENTITY_GAP_S = 0.05, 0.3
+"""Longest wait (s) for the next byte of the identity: after a text that ends as an identity usually does, or else.
+
+The identity has no terminator. A serial line over a network can deliver it in two pieces.
+"""
+
+_WHOLE_IDENTITY = re.compile(rb".*V\d\.\d( SN:\d{8})?[\s\0]*", re.DOTALL)
 _VALUE_BYTES = 5
 _AMPERES = re.compile(rb"\d\.\d{3}|[1-9]\d\.\d{2}")
 _VOLTS = re.compile(rb"\d{2}\.\d{2}")
@@ -61,7 +68,8 @@ class KoradSupply(SupplyBase):
         reply = self._ask("*IDN?", 1)
         with suppress(InstrumentTimeout):
             while len(reply) < 64:
-                reply += self._link.read(1, 0.05)
+                gap_s = WHOLE_IDENTITY_GAP_S if _WHOLE_IDENTITY.fullmatch(reply) else IDENTITY_GAP_S
+                reply += self._link.read(1, gap_s)
         return self._identity(reply)
 
     def set_output(self, on: bool) -> None:
