@@ -615,7 +615,7 @@ def test_an_import_names_its_own_file_if_the_disk_is_full(monkeypatch: pytest.Mo
     frame = SimpleNamespace(row=None, path=Path("f.png"), time_s=0.0)
     listing = SimpleNamespace(frames=[frame], images=lambda: iter([image]))
     monkeypatch.setattr(importing, "list_frames", lambda *given: listing)
-    monkeypatch.setattr(importing, "load_of", lambda *given: Load(0.0, 0.0))
+    monkeypatch.setattr(importing, "load_of", lambda *given: Load(0.0, 0.0, 0.0))
     monkeypatch.setattr(importing, "_check_against_picture", lambda *given: None)
     monkeypatch.setattr(importing, "_oldest", lambda listing: "noon")
     monkeypatch.setattr(importing, "DatasetWriter", fail)
