@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -21,6 +22,7 @@ from eimi_drivers.interfaces import (
     SetPointNotTaken,
 )
 from eimi_drivers.testing import CAMERA_CHECKS, camera_checks, check_camera
+from tests.patience import PATIENCE_S
 from tests.shared.emulated_gige import gige_camera, needs_aravis, numbered, only_gige_camera
 
 GRAB_S = 20.0
@@ -177,6 +179,16 @@ def test_a_camera_that_was_restarted_or_replaced_gives_no_frame(none_served: Non
                 opened(source="EIMI01")
 
 
+def error_after_a_frame(camera: AravisCamera, timeout_s: float) -> str:
+    # Return the error of the first grab during which an incomplete frame comes: on a busy computer, none may come.
+    until_s = time.monotonic() + PATIENCE_S
+    while True:
+        with pytest.raises(InstrumentTimeout) as caught:
+            camera.grab(timeout_s)
+        if "incomplete frames" in str(caught.value) or time.monotonic() > until_s:
+            return str(caught.value)
+
+
 @needs_aravis
 @pytest.mark.parametrize("status", sorted(BUFFER_STATUS.keys() - {SUCCESS}))
 def test_every_status_of_a_buffer_is_named_in_the_error(
@@ -184,8 +196,7 @@ def test_every_status_of_a_buffer_is_named_in_the_error(
 ) -> None:
     camera = opened()
     monkeypatch.setattr(load_aravis(), "buffer_get_status", lambda buffer: status, raising=False)
-    with pytest.raises(InstrumentTimeout, match=rf"incomplete frames: \d+ with {BUFFER_STATUS[status]}"):
-        camera.grab(1.0)
+    assert re.search(rf"incomplete frames: \d+ with {BUFFER_STATUS[status]}", error_after_a_frame(camera, 1.0))
     monkeypatch.undo()
     assert np.unique(camera.grab(GRAB_S).image).size == 1
     camera.close()
