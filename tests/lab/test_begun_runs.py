@@ -37,7 +37,12 @@ class Opened:
         calls = self.calls = []  # type: list[Any]
         supply_limits = SimpleNamespace(voltage_V=20.0)
         self.supply = Noted(
-            calls, "supply", identify=lambda: "supply A", limits=supply_limits, measure=lambda: Reading(0.5, 4.0)
+            calls,
+            "supply",
+            identify=lambda: "supply A",
+            limits=supply_limits,
+            current_step_A="0.1",
+            measure=lambda: Reading(0.5, 4.0),
         )
         images = iter(range(100))
         frames = lambda wait_s: Frame(np.full((1, 1), next(images)), 0, 0.0)  # noqa: E731
