@@ -43,7 +43,7 @@ MEMORY_BYTES = 4 << 30
 _FRAMES = ("frames", "data")
 """Names of arrays of frames, which are read later, one frame at a time."""
 _RUNNING, _ENDED = "running", "ended"
-"""Words that tell the second process whether the writer of the file is still running."""
+"""The second process receives one of these words: a run is still writing the file, or no run is writing it."""
 
 
 def recover(crashed: str | Path, path: str | Path, force: bool = False, say: Callable[[str], None] = tell) -> int:

@@ -195,7 +195,7 @@ class FitOptions:
                 self._check_spread(prior, dataset)
 
     def check_motions(self, datasets: Sequence[Path], others: Mapping[str, object]) -> None:
-        """Check the options of a fit to recorded motions alone: some options need states (load steps).
+        """Refuse options that need states (load steps), for a fit to recorded motions without states.
 
         Parameters
         ----------

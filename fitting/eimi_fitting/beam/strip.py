@@ -120,7 +120,7 @@ class Strip:
             Rotations.
         """
         across = ends_mm[..., 1, :] - ends_mm[..., 0, :]
-        # The angle at rest may have any size. Turn the cross-section back by it before taking the angle.
+        # Rotate the cross-section back by its angle at rest first: arctan2 gives only angles from -180 to 180 degrees.
         at_rest = self.angle_rad(np.array([self._length]))[0]
         c, s = np.cos(at_rest), np.sin(at_rest)
         x, y = across[..., 0], across[..., 1]

@@ -73,7 +73,7 @@ class TensileFit:
 
     @property
     def max_stretch(self) -> float:
-        """The largest principal stretch of the used rows, which in compression is that across the specimen."""
+        """The largest principal stretch of the used rows. In compression, this is the stretch across the specimen."""
         return float(_principal_stretch(np.array(self.max_strain)))
 
 

@@ -357,7 +357,7 @@ def test_the_known_range_ends_where_the_interval_of_the_modulus_exceeds_a_twenti
     assert known(np.full(61, 1.0), 1.01, (0.0, 1e9)) is None
     widths[11:40], widths[30] = 1.0, 0.049
     assert known(widths, 1.0, (1e-3, 1e3)) == pytest.approx((curve_s[30], curve_s[30]))
-    # If the modulus is not known at the time of the vibration, the longest range within the data counts.
+    # If the data do not determine the modulus at the time of the vibration, the longest other range is the result.
     assert known(widths, 0.1, (1e-3, 1e3)) == pytest.approx((curve_s[40], curve_s[50]))
     assert known(widths, 0.1, (1e-3, 5.0)) == pytest.approx((curve_s[30], curve_s[30]))
     assert known(widths, 0.1, (1e-3, 0.5)) is None
