@@ -108,11 +108,29 @@ def _stated(folder: Path, changes: dict[str, Any]) -> Calibration:
     return load_calibration(file, edited) if file.is_file() else check(Calibration, edited, "", "calibration")
 
 
-def _written_currents(file: Path) -> dict[str, str]:
+def _written_rows(file: Path) -> dict[str, dict[str, str]]:
+    """Return the rows of states.csv by the name of the picture; a row is a cell for each column."""
     if not file.is_file():
         return {}
-    rows = csv.DictReader(io.StringIO(read_text(file)))
-    return {row["frame"]: row["current_A"] for row in rows if row.get("frame") and row.get("current_A")}
+    header, *lines = [*csv.reader(io.StringIO(read_text(file)))] or [[]]
+    rows = [dict(zip(header, cells, strict=False)) for cells in lines]
+    return {row["frame"]: row for row in rows if row.get("frame")}
+
+
+def _written_currents(file: Path) -> dict[str, str]:
+    rows = _written_rows(file)
+    return {name: row["current_A"] for name, row in rows.items() if row.get("current_A")}
+
+
+def _states_text(file: Path, currents: dict[str, str]) -> str:
+    """Return states.csv with these currents; the other columns keep their values."""
+    old = _written_rows(file)
+    rows = [
+        {**old.get(name, old.get(Path(name).stem, {})), "frame": name, "current_A": current}
+        for name, current in currents.items()
+    ]
+    columns = list(dict.fromkeys(column for row in [{"frame": "", "current_A": ""}, *rows] for column in row))
+    return csv_text([columns, *([row.get(column, "") for column in columns] for row in rows)])
 
 
 def picture(path: Path) -> bytes:
@@ -176,7 +194,7 @@ def saved(path: Path, calibration: dict[str, Any], currents: dict[str, Any], rep
     currents : dict
         The current (A) of each image, by the name of the image. Images without a current are left out.
     replace : bool
-        Whether existing files are replaced.
+        Whether existing files are replaced. Other columns of an existing states.csv stay.
 
     Returns
     -------
@@ -190,14 +208,15 @@ def saved(path: Path, calibration: dict[str, Any], currents: dict[str, Any], rep
     """
     new_calibration = _stated(path, calibration)
     names = [image.name for image in find_images(path)]
-    rows = [(name, _current(name, currents[name])) for name in names if str(currents.get(name, "")).strip()]
-    if not rows:
+    typed = {name: _current(name, currents[name]) for name in names if str(currents.get(name, "")).strip()}
+    if not typed:
         raise InputError(f"{path.name}: no picture has a current; enter the current of at least one picture")
     for name in (CALIBRATION, STATES):
         refuse_existing(path / name, replace)
-    for name, text in ((CALIBRATION, to_toml(new_calibration)), (STATES, csv_text([("frame", "current_A"), *rows]))):
+    texts = {CALIBRATION: to_toml(new_calibration), STATES: _states_text(path / STATES, typed)}
+    for name, text in texts.items():
         write_file(path / name, text, replace)
-    return {"written": [CALIBRATION, STATES], "states": len(rows)}
+    return {"written": list(texts), "states": len(typed)}
 
 
 def _current(name: str, text: Any) -> str:

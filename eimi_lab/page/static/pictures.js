@@ -6,13 +6,14 @@ import { Picture } from "./picture.js";
 import { openRun } from "./runs.js";
 
 const FIELDS = { scale: "pixels_per_mm", axis: "axis_angle_deg", gravity: "gravity_angle_deg", field: "field_angle_deg", "coil-constant": "coil_constant_mT_per_A" };
-const WAIT_MS = 120, MOST_ALONG = 6;
+const WAIT_MS = 120, MOST_ALONG = 6, FILES = 2; // the files are calibration.toml and states.csv
 const picture = new Picture(byId("by-hand"));
 const stated = svg("g", { "aria-hidden": "true" }), handles = svg("g");
 picture.over.append(stated, handles);
 const along_points = new Clicks(picture, () => isFirst() ? Array.from({ length: MOST_ALONG }, (_, index) => `point ${index + 1} along the beam`) : [], () => { tellPoints(); later(); });
 
 let folder = null; // { name, pictures, size_px, calibration, … }
+let saved = ""; // the values that are in the files of the folder; empty if a file is missing
 let shown = "", ruler = null, reach = 100, asked = 0, waiting = null, ready = false;
 
 const tried = (act) => async (event) => {
@@ -49,6 +50,7 @@ async function openFolder() {
   ruler = [[0.08 * wide, 0.92 * high], [0.08 * wide + long, 0.92 * high]];
   listPictures();
   points = folder.calibration.picture?.along_px ?? [];
+  saved = folder.written.length === FILES ? onScreen() : "";
   await showPicture(folder.pictures[0]);
 }
 
@@ -80,13 +82,14 @@ async function showPicture(name) {
 }
 
 const value = (id) => Number(byId(id).value);
+const typed = (id) => byId(id).value === "" ? null : value(id); // an empty field has no value; it is not zero
 const set = (id, number_, digits = 2) => { byId(id).value = Number(number_.toFixed(digits)); };
 const clamp = () => [value("clamp-x"), value("clamp-y")];
 const along = (from, degrees, far) => [from[0] + far * Math.cos(degrees * Math.PI / 180), from[1] + far * Math.sin(degrees * Math.PI / 180)];
 
 function calibration() {
-  const made = Object.fromEntries(Object.entries(FIELDS).map(([id, key]) => [key, value(id)]));
-  made.clamp_midpoint_px = clamp();
+  const made = Object.fromEntries(Object.entries(FIELDS).map(([id, key]) => [key, typed(id)]));
+  made.clamp_midpoint_px = [typed("clamp-x"), typed("clamp-y")];
   const help = Object.fromEntries(["channel", "polarity"].filter((id) => byId(id).value).map((id) => [id, byId(id).value]));
   made.picture = { ...help, along_px: points.length > 1 ? points : null };
   return made;
@@ -175,6 +178,8 @@ function currents() {
   return Object.fromEntries([...byId("picture-list").querySelectorAll("input")].map((input) => [input.name, input.value]));
 }
 
+const onScreen = () => JSON.stringify([calibration(), currents()]);
+
 byId("along-undo").addEventListener("click", () => along_points.undo());
 byId("picture-folder").addEventListener("change", tried(openFolder));
 byId("picture-specimen").addEventListener("change", later);
@@ -184,10 +189,13 @@ for (const id of [...Object.keys(FIELDS), "clamp-x", "clamp-y", "channel", "pola
 }
 byId("calibration").addEventListener("submit", tried(async () => {
   const body = { folder: folder.name, calibration: calibration(), currents: currents(), replace: byId("replace").checked };
+  const values = onScreen();
   const { written, states } = await steer("/api/pictures/save", body);
+  saved = values;
   tell(`saved ${written.join(" and ")} in ${folder.name || "this folder"}: ${states} pictures have a current`);
 }));
 byId("make-dataset").addEventListener("click", tried(async () => {
+  if (onScreen() !== saved) throw new Error("the values on the screen are not in the files of the folder; press Save first");
   tell("making the dataset …");
   const { dataset, states } = await steer("/api/pictures/dataset",
     { folder: folder.name, specimen: byId("picture-specimen").value, replace: byId("replace").checked });

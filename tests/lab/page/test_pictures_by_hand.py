@@ -114,6 +114,26 @@ def test_existing_files_are_replaced_only_on_request(own: Path) -> None:
     assert saved(own, NUMBERS, {"p_2.png": 1}, True)["states"] == 1
 
 
+def test_other_columns_of_the_states_stay(own: Path) -> None:
+    (own / "states.csv").write_text(
+        "frame,temperature_degC,current_A,tip_force_N\np_2.png,21.5,0,0\np_10,22,0.5,0.01,more\nold.png,23\n"
+    )
+    saved(own, NUMBERS, {"p_2.png": "0.1", "p_10.png": "0,6", "p_11.png": "0.7"}, True)
+    header, *rows = (own / "states.csv").read_text().splitlines()
+    assert header == "frame,current_A,temperature_degC,tip_force_N"
+    assert sorted(rows) == ["p_10.png,0.6,22,0.01", "p_11.png,0.7,,", "p_2.png,0.1,21.5,0"]
+
+
+@pytest.mark.parametrize("written", [False, True])
+def test_an_empty_field_is_no_zero(own: Path, written: bool) -> None:
+    if written:
+        saved(own, NUMBERS, {"p_2.png": 1}, False)
+    with pytest.raises(InputError, match="gravity_angle_deg = None should be a valid number"):
+        saved(own, {**NUMBERS, "gravity_angle_deg": None}, {"p_2.png": 1}, True)
+    saved(own, {**NUMBERS, "coil_constant_mT_per_A": None}, {"p_2.png": 1}, True)
+    assert load_calibration(own / "calibration.toml").coil_constant_mT_per_A is None
+
+
 def test_the_edges_follow_from_the_calibration_on_the_page(own: Path, files: Path) -> None:
     found = edges(own / "p_11.png", NUMBERS, str(files / "specimen.toml"))
     middles = sorted(np.mean(found[side], axis=0)[0] for side in ("left", "right"))

@@ -50,6 +50,11 @@ def test_a_calibration_is_dragged_into_place_saved_and_used(served: Any, tab: An
     assert (folder / "states.csv").read_text() == "frame,current_A\nframe_1.png,0\nframe_2.png,0.2\n"
     page.get_by_role("button", name="Save").click()
     page.get_by_text("exists already").wait_for()
+    page.get_by_label("current of frame_2.png").fill("1.5")
+    page.get_by_role("button", name="Make a dataset").click()
+    page.get_by_text("press Save first").wait_for()
+    assert not (folder / "own.h5").exists()
+    page.get_by_label("current of frame_2.png").fill("0,2")
     page.get_by_role("button", name="Make a dataset").click()
     page.get_by_text("own/own.h5: 2 states").wait_for()
     with open_dataset(folder / "own.h5") as dataset:
