@@ -98,17 +98,26 @@ def edges(path: Path, index: int) -> Edges:
         return shown
 
 
-Identity = tuple[int, int, str]
+Identity = tuple[int, int, str, str | None, str | None, int]
 
 
 def _identity(dataset: Dataset) -> Identity:
-    """Return a key that identifies a dataset, also while a run still appends to it.
+    """Return a key that identifies a dataset with its specimen and calibration, also while a run still appends to it.
 
-    The key consists of the device, the inode number and the start time of the run.
+    The key consists of the device, the inode number, the start time, the texts of specimen and calibration, and, for an
+    import, the time of the last change.
     """
     about = dataset.path.stat()
-    # A new file can get the inode number of a deleted file, but has another start time.
-    return about.st_dev, about.st_ino, dataset.start_time().isoformat()
+    # A new file can get the inode number of a deleted file. Two imports of the same pictures have the same start time.
+    is_import = dataset.text("protocol") is None
+    return (
+        about.st_dev,
+        about.st_ino,
+        dataset.start_time().isoformat(),
+        dataset.text("specimen"),
+        dataset.text("calibration"),
+        about.st_mtime_ns if is_import else 0,
+    )
 
 
 @lru_cache(maxsize=1024)

@@ -17,6 +17,7 @@ import pytest
 from eimi_lab.config.calibration import load_calibration
 from eimi_lab.config.specimen import load_specimen
 from eimi_lab.dataset.importing import import_frames
+from eimi_lab.page.stored_runs import edges
 
 PROTOCOLS = Path(str(files("eimi_lab.protocols")))
 
@@ -88,6 +89,31 @@ def test_a_dataset_that_replaces_another_one_is_shown_with_its_own_edges(served:
     after = json.loads(served.ask("/api/dataset/edges?file=same.h5&state=0").body)
     moved = np.mean(after["left"], axis=0)[0] - np.mean(before["left"], axis=0)[0]
     assert moved == pytest.approx(9.0 - 2.0, abs=0.3)  # the drawn beam
+
+
+def test_a_repeated_import_is_shown_with_its_own_edges(served: Any, tmp_path: Path) -> None:
+    folder, path = served.folder, tmp_path / "repeated.h5"
+    specimen, calibration = load_specimen(folder / "specimen.toml"), folder / "calibration.toml"
+
+    def first_edge(states: str, **changes: Any) -> Any:
+        # Import the same pictures into the same file, and return the middle of an edge of the first state.
+        (tmp_path / "states.csv").write_text(f"frame,current_A\n{states}")
+        new = tmp_path / "new.h5"
+        import_frames(
+            folder / "frames", tmp_path / "states.csv", specimen, load_calibration(calibration, changes), new, True
+        )
+        times = path.stat() if path.exists() else new.stat()
+        path.write_bytes(new.read_bytes())
+        if changes:
+            os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
+        return np.mean(edges(path, 0)["left"], axis=0)
+
+    both = "frame_1.png,0\nframe_2.png,0.2\n"
+    before = first_edge(both)
+    assert first_edge(both, pixels_per_mm=7.0)[0] == pytest.approx(before[0], abs=0.3)
+    first_edge(both)
+    moved = first_edge("frame_2.png,0.2\n") - before
+    assert moved[0] == pytest.approx(2.0, abs=0.3)  # the drawn beam of the second picture
 
 
 def test_a_template_file_that_is_not_filled_in_is_listed_as_incomplete(served: Any) -> None:
