@@ -157,6 +157,7 @@ class FitDesk:
                 return False
         finally:
             following.cancel()
+        remove(report)  # it shows the replaced fit
         fitting.phase = "reporting"
         self._changed()
         return await self._eimi(fitting, "report", f"--fit={fits}", f"--output={report}", "--force", "--", str(dataset))

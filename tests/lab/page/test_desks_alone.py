@@ -714,7 +714,10 @@ def test_a_fit_is_followed_by_its_report(
         fitting = Fitting(1, "run.h5", "yeoh", ("width",))
         log = folder.root / "run.fits.log"
         log.write_text("old")
+        report = folder.root / "run.report.html"
+        report.write_text("old")
         await desk._fit(dataset, fitting)
+        assert report.exists() == (first != 0)  # the report of a replaced fit is removed
         stem = str(folder.root / "run")
         assert started[0][1:] == [
             *("-P", "-m", "eimi_lab", "fit", "--model=yeoh", "--free=width", f"--output={stem}.fits.json"),
