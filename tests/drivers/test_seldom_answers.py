@@ -31,6 +31,7 @@ from eimi_drivers.interfaces import (
     Identity,
     InstrumentDisconnected,
     InstrumentError,
+    InstrumentTimeout,
     Limits,
     Reading,
     ReplyNotUnderstood,
@@ -241,14 +242,13 @@ def test_an_identity_is_a_line_of_text(answer: bytes) -> None:
 
 def test_a_board_may_be_silent_twice_while_it_starts() -> None:
     class Starting(Line):
-        silent = 2
+        silent, answered = 2, 0
 
         def read(self, size: int, timeout_s: float, end: bytes = b"") -> bytes:
-            if self.silent:
-                self.silent -= 1
-                from eimi_drivers.interfaces import InstrumentTimeout
-
+            if self.silent or self.answered == len(self.sent):
+                self.silent = max(self.silent - 1, 0)
                 raise InstrumentTimeout("COM7: no answer")
+            self.answered = len(self.sent)
             return super().read(size, timeout_s, end)
 
     line = Starting(IDN=b"lab,board,12,1.0\n")

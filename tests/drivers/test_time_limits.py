@@ -163,6 +163,39 @@ def test_a_sensor_waits_half_a_second_for_a_late_answer() -> None:
     assert line.asked[-1][0] == pytest.approx(ended_s + 0.5)
 
 
+class Talkative(Timed):
+    # A board on a serial port that sends the text `unasked` after every answer.
+
+    def __init__(self, clock: SimulatedClock, answer: bytes, unasked: bytes) -> None:
+        super().__init__(clock, answer)
+        self.address, self.unasked, self.unread = "COM7", unasked, b""
+
+    def write(self, message: bytes) -> None:
+        super().write(message)
+        self.unread = self.answer + self.unasked
+
+    def read(self, size: int, timeout_s: float, end: bytes = b"") -> bytes:
+        length = self.unread.find(end) + 1
+        received, self.unread = self.unread[:length], self.unread[length:]
+        if not received:
+            self.clock.sleep(timeout_s)
+            raise InstrumentTimeout("nothing came")
+        return received
+
+
+def test_a_board_that_sends_without_being_asked_is_refused() -> None:
+    clock = SimulatedClock()
+    line = Talkative(clock, b"my lab,board,1,1.0\r\n", unasked=10 * b"12.3 mT\n")
+    sensor = SENSORS["text-line"](line, clock)
+    for _ in range(2):
+        with pytest.raises(ReplyNotUnderstood, match=r"^COM7: the board sends b'12\.3 mT\\n' without being asked; "):
+            sensor.identify()
+    line.unasked = b"ready\n"  # a text at the start
+    began_s = clock.now()
+    assert sensor.identify().text == sensor.identify().text == "my lab,board,1,1.0"
+    assert clock.now() - began_s == pytest.approx(0.2)
+
+
 @pytest.mark.parametrize("driver", sorted(DIALECTS))
 def test_a_set_point_that_never_reads_back_is_an_error_within_5_s(driver: str) -> None:
     clock = SimulatedClock()

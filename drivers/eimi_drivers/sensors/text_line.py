@@ -6,11 +6,18 @@ import re
 from contextlib import suppress
 from typing import ClassVar
 
-from eimi_drivers.interfaces import Identity, InstrumentTimeout, SensorReading
-from eimi_drivers.sensors.base import SensorBase
+from eimi_drivers.interfaces import Identity, InstrumentTimeout, ReplyNotUnderstood, SensorReading
+from eimi_drivers.sensors.base import LONGEST_LINE, SensorBase
+from eimi_drivers.supplies.address import is_serial_port
 
 STARTS_WITHIN_S = 3
 """Time (s) within which a board answers after its port was opened, because many boards then restart."""
+
+LINES_AT_START = 10
+"""Number of lines without a query that make a board unusable; a few may be late answers or a text at its start."""
+
+QUIET_S = 0.2
+"""Time (s) without a line after which a board counts as one that sends nothing without a query."""
 
 _UNIT = re.compile(r"[A-Za-z%/°]{1,12}")
 
@@ -28,13 +35,34 @@ class TextLine(SensorBase):
     def identify(self) -> Identity:
         """Return the identity from the answer to ``*IDN?``, after the board has started.
 
-        Raises AnotherSensor if the identity has changed since the driver was opened.
+        Raises AnotherSensor if the identity has changed since the driver was opened, and ReplyNotUnderstood if the
+        board sends lines without a query.
         """
-        if self._bound is None:
-            for _ in range(STARTS_WITHIN_S - 1):
-                with suppress(InstrumentTimeout):
-                    return super().identify()
+        if self._bound is not None:
+            return super().identify()
+        identity = self._identity_after_start()
+        if is_serial_port(self._link.address):
+            self._refuse_unasked_text()
+        return identity
+
+    def _identity_after_start(self) -> Identity:
+        for _ in range(STARTS_WITHIN_S - 1):
+            with suppress(InstrumentTimeout):
+                return super().identify()
         return super().identify()
+
+    def _refuse_unasked_text(self) -> None:
+        """Raise ReplyNotUnderstood if the board sends lines without a query, which could be taken for answers."""
+        for _ in range(LINES_AT_START):
+            try:
+                text = self._link.read(LONGEST_LINE, QUIET_S, b"\n")
+            except InstrumentTimeout:
+                return
+        self._bound = None
+        raise ReplyNotUnderstood(
+            f"{self._link.address}: the board sends {text!r} without being asked; it must send one line after *IDN? or "
+            "READ?, and nothing else"
+        )
 
     def read(self) -> SensorReading:
         """Ask the sensor for a new value, and return it with its unit and, if sent, its standard uncertainty."""
