@@ -179,7 +179,8 @@ class Frame:
 class PowerSupply(Protocol):
     """The interface of a power supply that feeds a coil with a constant current.
 
-    Every call ends within 5 s. Every error is an InstrumentError.
+    Every call ends within 5 s, except `safe_off`, which tries several times and ends within 12 s if the supply does
+    not answer. Every error is an InstrumentError.
 
     Optional members:
 

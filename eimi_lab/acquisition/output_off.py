@@ -60,7 +60,7 @@ def begin_with_output_off(
         limit_A = off_limit_A(supply)
         if getattr(supply, "measures_current", True) and abs(reading.current_A) > limit_A:
             reason = (
-                f"{supply.identify().address}: {reading.current_A:.2f} A measured although the output is off; the "
+                f"{supply.identify().address}: {reading.current_A:.3f} A measured although the output is off; the "
                 f"output counts as off at {limit_A:g} A or less"
             )
             on_event(OffNotConfirmed(by="run", reason=reason, current_A=reading.current_A, limit_A=limit_A))

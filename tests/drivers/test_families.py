@@ -76,7 +76,7 @@ def test_a_current_that_flows_at_a_kepcos_zero_is_reported(bench_of):
     bench.energise()
     answers = bench.line.receive
     bench.line.receive = lambda data: b"0.3\n" if data == b"MEAS:CURR?\n" else answers(data)
-    with pytest.raises(SwitchOffFailed, match=r"0\.30 A measured although the output was switched off"):
+    with pytest.raises(SwitchOffFailed, match=r"0\.300 A measured although the output was switched off"):
         bench.supply.safe_off()
 
 

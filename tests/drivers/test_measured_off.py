@@ -32,7 +32,7 @@ def energised(driver, coil, limits=LIMITS):
 def test_a_supply_with_a_shorted_regulator_is_never_reported_as_off(driver, coil):
     supply = energised(driver, coil)
     coil.shorted_A = 0.8
-    with pytest.raises(SwitchOffFailed, match=r"0\.80 A measured although the output was switched off") as caught:
+    with pytest.raises(SwitchOffFailed, match=r"0\.800 A measured although the output was switched off") as caught:
         supply.safe_off()
     assert caught.value.current_A == pytest.approx(0.8, abs=0.01)
     assert caught.value.limit_A == off_limit_A(supply)
@@ -65,6 +65,13 @@ def test_a_healthy_supply_at_its_worst_offset_gives_no_false_alarm(driver, sign,
         f"{len(false_alarms)} false alarms, largest reading {largest_A:.4f} A"
     )
     assert false_alarms == []
+
+
+def test_a_current_just_above_the_limit_is_written_with_three_digits(coil):
+    supply = energised("scpi", coil)
+    coil.offset_A = 0.0214
+    with pytest.raises(SwitchOffFailed, match=r"0\.021 A measured although .* must be at most 0\.02 A$"):
+        supply.safe_off()
 
 
 def test_switching_off_waits_for_the_decay_of_a_slow_coil():

@@ -22,6 +22,7 @@ from eimi_drivers.interfaces import (
     ProtectionTripped,
     ReplyNotUnderstood,
     SetPointNotTaken,
+    SetPointRefused,
     SwitchOffFailed,
 )
 from eimi_drivers.supplies import SUPPLIES, open_supply
@@ -334,3 +335,19 @@ def test_an_address_that_cannot_be_opened_is_named(driver, address):
         open_supply(driver, address, LIMITS)
     assert address in str(caught.value)
     assert caught.value.__cause__ is not None
+
+
+@pytest.mark.parametrize("url", ["socket://127.0.0.1", "socket://127.0.0.1:99999", "socket://:5", "rfc2217://host:0"])
+def test_a_url_without_host_and_port_is_refused_with_an_example(url: str) -> None:
+    kind = url.partition("://")[0]
+    with pytest.raises(
+        InstrumentError,
+        match=rf"^{url}: needs a host and a port from 1 to 65535, such as {kind}://192\.168\.0\.5:8000$",
+    ):
+        open_supply("korad", url, Limits(1.0, 12.0))
+
+
+def test_a_set_point_just_above_its_limit_is_written_with_all_its_digits() -> None:
+    supply = open_in_process("scpi", CoilSupply(SimulatedClock()), Limits(1.0, 12.0))
+    with pytest.raises(SetPointRefused, match=r"current 1\.0000001 A was refused .* from 0 to 1 A$"):
+        supply.set_current(1.0000001)

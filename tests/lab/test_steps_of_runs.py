@@ -659,7 +659,7 @@ def test_a_current_with_the_output_off_is_refused(
     if not refused:
         output_off.begin_with_output_off(bench, None, False, False, stop)  # type: ignore[arg-type]
         return
-    with pytest.raises(SwitchOffFailed, match=rf"^COM3: {current_A:.2f} A measured although the output is off; ") as it:
+    with pytest.raises(SwitchOffFailed, match=rf"^COM3: {current_A:.3f} A measured although the output is off; ") as it:
         output_off.begin_with_output_off(bench, None, False, False, events.append)  # type: ignore[arg-type]
     assert (it.value.current_A, it.value.limit_A) == (current_A, 0.05)
     (event,) = events

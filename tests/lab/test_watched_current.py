@@ -86,7 +86,7 @@ def test_a_shorted_regulator_at_the_end_of_a_protocol_is_reported_as_possibly_on
 
 def test_a_run_does_not_begin_while_a_current_flows_with_the_output_off(setup: Any) -> None:
     setup.coil.shorted_A = 0.8
-    with pytest.raises(SwitchOffFailed, match=r"0\.80 A measured although the output is off"):
+    with pytest.raises(SwitchOffFailed, match=r"0\.800 A measured although the output is off"):
         setup.run(remark=lambda words: None)
     assert not setup.path.exists()
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import re
+from urllib.parse import urlsplit
 
 from eimi_drivers.interfaces import raised
 from eimi_drivers.serial_ports import attached_ports
@@ -56,13 +57,24 @@ def serial_port(address: str) -> str:
 
 
 def check_address(address: str) -> None:
-    """Raise ValueError if an address is a URL that does not begin with one of `SERIAL_URLS`."""
-    url = _URL.match(serial_port(address))
+    """Raise ValueError if an address is a URL without host and port, or does not begin with one of `SERIAL_URLS`."""
+    port = serial_port(address)
+    url = _URL.match(port)
     if url and not url[0].lower().startswith(SERIAL_URLS):
         kinds = " or ".join(SERIAL_URLS)
         raise ValueError(
             f"{url[0]} is not supported; give a port such as /dev/ttyUSB0, or a URL that begins with {kinds}"
         )
+    if url and not _has_host_and_port(port):
+        raise ValueError(f"needs a host and a port from 1 to 65535, such as {url[0]}192.168.0.5:8000")
+
+
+def _has_host_and_port(url: str) -> bool:
+    try:
+        place = urlsplit(url)
+        return bool(place.hostname and place.port)
+    except ValueError:  # the port is no number from 0 to 65535
+        return False
 
 
 def is_serial_port(address: str) -> bool:

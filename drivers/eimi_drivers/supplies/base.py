@@ -317,7 +317,7 @@ class SupplyBase(Conversation, ABC):
     def _refuse_outside(self, quantity: str, value: float, lowest: float, limit: float, unit: str) -> None:
         if not lowest <= value <= limit:  # in this form the condition also refuses "not a number"
             raise SetPointRefused(
-                f"{self._link.address}: {quantity} {value:g} {unit} was refused and not sent; "
+                f"{self._link.address}: {quantity} {value:.10g} {unit} was refused and not sent; "
                 f"the {quantity} must be from {lowest:g} to {limit:g} {unit}"
             )
 

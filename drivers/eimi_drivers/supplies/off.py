@@ -65,7 +65,7 @@ def measured_off(measure: Callable[[], Reading], limit_A: float, clock: Clock, n
             return Off(current_A, limit_A)
         if clock.now() - began_s >= DECAYS_WITHIN_S or isnan(current_A):
             raise SwitchOffFailed(
-                f"{name}: {current_A:.2f} A measured although the output was switched off; the current must be at most "
+                f"{name}: {current_A:.3f} A measured although the output was switched off; the current must be at most "
                 f"{limit_A:g} A",
                 current_A,
                 limit_A,
