@@ -146,7 +146,7 @@ IDENTITIES = {  # identifications as the manuals print them, and the TCP port on
     "HEWLETT-PACKARD,E3633A,0,1.1-5.0-1.0": ("keysight-e3632a", 0),
     "HEWLETT-PACKARD,E3634A,0,1.1-5.0-1.0": ("keysight-e3632a", 0),
     "Agilent Technologies,E3640A,0,1.4-5.0-1.0": ("keysight-e364x", 0),
-    "Agilent Technologies,E3649A,0,1.4-5.0-1.0": ("keysight-e364x", 0),
+    "Agilent Technologies,E3645A,0,1.4-5.0-1.0": ("keysight-e364x", 0),
     "RIGOL TECHNOLOGIES,DP832A,DP8A1,00.01.14": ("rigol-dp800", 5555),
     "Siglent Technologies,SPD3303X-E,SPD3,1.01": ("siglent-spd", 5025),
     "ROHDE&SCHWARZ,HMP4040,103781,HW50020001/SW2.62": ("rs-hmp", 5025),
@@ -170,6 +170,7 @@ IDENTITIES = {  # identifications as the manuals print them, and the TCP port on
 
 def test_every_model_is_recognised() -> None:
     assert {text: (found.driver, found.port) for text in IDENTITIES if (found := recognise(text))} == IDENTITIES
+    assert recognise("Agilent Technologies,E3646A,0,1.4-5.0-1.0") is None  # it has two outputs
     assert {known.driver for _, known in recognised.MODELS} == {driver for driver, _ in IDENTITIES.values()}
     assert {driver for driver, _ in IDENTITIES.values()} == SUPPLIES.keys() - {"scpi"} == DIALECTS.keys() - {"scpi"}
 

@@ -32,7 +32,7 @@ MODELS: tuple[tuple[str, Recognised], ...] = (
     (r"\bRP79\d\d", Recognised("keysight-rp7900", 5025)),
     (r"\bE3631A", Recognised("keysight-e3631a")),
     (r"\bE363[234]A", Recognised("keysight-e3632a")),
-    (r"\bE364\dA", Recognised("keysight-e364x")),
+    (r"\bE364[0-5]A", Recognised("keysight-e364x")),
     (r"\bDP8\d\d", Recognised("rigol-dp800", 5555)),
     (r"\bSPD\d{4}", Recognised("siglent-spd", 5025)),
     (r"\bHMP\d{4}", Recognised("rs-hmp", 5025)),
