@@ -386,6 +386,12 @@ def test_a_free_gentl_camera_discards_two_frames_after_a_flush_and_counts_no_gap
     assert made.queued == [1, 2, 5, 6, 7, 20, 21, 22, 23]
 
 
+def test_the_flush_of_a_fast_gentl_camera_ends_after_as_many_frames_as_there_are_buffers() -> None:
+    made = Producer(CameraSettings(frame_rate_Hz=2000.0), *range(100))
+    made.camera.flush()
+    assert made.camera.grab(10.0).number == 32 + 2
+
+
 def test_a_gentl_camera_with_a_trigger_input_skips_no_frame() -> None:
     made = Producer(CameraSettings(trigger="Line1"), 1, None)
     made.camera.flush()
