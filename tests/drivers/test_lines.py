@@ -341,7 +341,7 @@ def test_a_visa_timeout_leaves_the_line_open_and_another_error_closes_it(
 ) -> None:
     line = VisaTransport("TCPIP::h::INSTR")
     resource = resources[0][2]
-    with pytest.raises(InstrumentTimeout, match=r"TCPIP::h::INSTR: no complete answer within 0\.5 s"):
+    with pytest.raises(InstrumentTimeout, match=r"^TCPIP::h::INSTR: no complete answer within 0\.5 s$"):
         line.read(9, 0.5, b"\n")
     line.write(b"?")
     for error in (lost_error(), RuntimeError("HiSLIP")):

@@ -84,10 +84,13 @@ class Transport(Protocol):
         """Release the connection."""
 
 
-def no_answer(address: str, timeout_s: float, received: bytes = b"") -> InstrumentTimeout:
-    """Return the error for an answer that is not complete within `timeout_s` (s); `received` is its beginning."""
-    detail = f"only {received!r} came" if received else "nothing came"
-    return InstrumentTimeout(f"{address}: no complete answer within {timeout_s:g} s ({detail})")
+def no_answer(address: str, timeout_s: float, received: bytes | None = b"") -> InstrumentTimeout:
+    """Return the error for an answer that is not complete within `timeout_s` (s).
+
+    `received` is the beginning of the answer; None if it is not known.
+    """
+    detail = "" if received is None else f" (only {received!r} came)" if received else " (nothing came)"
+    return InstrumentTimeout(f"{address}: no complete answer within {timeout_s:g} s{detail}")
 
 
 class SerialTransport:

@@ -116,7 +116,7 @@ class VisaTransport:
             raise
         except pyvisa.errors.VisaIOError as error:
             if error.error_code == pyvisa.constants.StatusCode.error_timeout:
-                raise no_answer(self.address, timeout_s) from error
+                raise no_answer(self.address, timeout_s, None) from error  # PyVISA discards what came
             self._failed = True
             raise InstrumentDisconnected(f"{self.address}: {error}") from error
         except Exception as error:  # HiSLIP raises RuntimeError, VXI-11 its own exceptions
