@@ -317,7 +317,7 @@ def test_a_supply_without_a_serial_number_is_recognised_by_the_current_that_it_d
             _try_once(ward, set())
         bench.coil.shorted_A = 0.8
         was_on: set[bool] = set()
-        with pytest.raises(SwitchOffFailed, match=r"0\.80 A measured"):
+        with pytest.raises(SwitchOffFailed, match=r"0\.800 A measured"):
             _try_once(ward, was_on)
         bench.coil.shorted_A = 0.0
         off, _ = _try_once(ward, was_on)
