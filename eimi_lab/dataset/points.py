@@ -126,7 +126,7 @@ def write_points(
         If the direction of gravity is not finite.
     """
     if not math.isfinite(gravity_angle_deg):
-        raise InputError(f"--gravity-angle {gravity_angle_deg:g}: should be a finite number of degrees")
+        raise InputError(f"--gravity-angle {gravity_angle_deg:g}: should be an angle in degrees, such as 90")
     with h5py.File(path, "w", libver=WRITTEN_AS) as file:
         entry = write_header(file, header)
         data = group(entry, "data", "NXdata")

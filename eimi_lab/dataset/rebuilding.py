@@ -144,7 +144,7 @@ def _without_incomplete(entry: h5py.Group, lost: Sequence[str]) -> list[str]:
 
 
 def readable(parent: h5py.Group | h5py.Dataset, part: str | int) -> bool:
-    """Return whether HDF5 can read a part of a table (column name) or of an array of frames (frame number)."""
+    """Return whether HDF5 can read a column of a table (``part``: its name) or a frame (``part``: its number)."""
     try:
         return len(parent[part][()]) >= 0
     except HDF5_RAISES:

@@ -208,7 +208,7 @@ def simulate(
         )
     for option, values in (("gravity-angle", gravity_angle_deg), ("field-angle", field_angle_deg)):
         if not np.isfinite(values):
-            raise InputError(f"--{option} {values:g}: should be a finite number of degrees")
+            raise InputError(f"--{option} {values:g}: should be an angle in degrees, such as 90")
     if not np.isfinite(field_mT).all():
         raise InputError("--coil-constant: the fields are not finite; the coil constant should be a number in mT/A")
     modulus = float(law.initial_shear_modulus(parameters))

@@ -33,7 +33,7 @@ def candidates(name: str, count: int, seed: int) -> np.ndarray:
 
 def leaps(model: BeamModel, name: str, parameters: np.ndarray) -> tuple[int, int, int]:
     # Solve a beam in 2 to 12 load steps; return the numbers of wrong, failed and all solutions.
-    # A wrong solution is an equilibrium that differs from the result of 72 load steps.
+    # A solution is wrong if it is not the equilibrium that 72 load steps reach.
     law = LAWS[name]
     fine = model.solve(law, parameters, Loads.along(np.linspace(0, HIGHEST_MT, FINE_STEPS + 1)))
     stable = fine.converged
@@ -105,7 +105,7 @@ def test_coarse_steps_reach_the_same_equilibrium_for_a_thousand_materials(name, 
 
 def solid_leaps(name: str, parameters: np.ndarray, magnet: Magnet) -> tuple[int, int, int]:
     # Solve a solid beam in 3 and in 6 load steps; return the numbers of wrong, failed and all solutions.
-    # A wrong solution is an equilibrium that differs from the result of 24 load steps.
+    # A solution is wrong if it is not the equilibrium that 24 load steps reach.
     law, specimen = LAWS[name], replace(type3("solid"), magnet=magnet)
     alone, beside = SolidModel(specimen, 8, 1), SolidBeside(specimen, 8, 1)
     elsewhere = failed = total = 0

@@ -198,7 +198,7 @@ def test_markers_of_a_c3d_file_become_a_ring_down_and_a_state(run: Run, files: P
         (("--released", "0.2"), "--released: is only for a motion; also give --ring-down or --creep"),
         (("--ring-down", "--released", "9"), "--released 9: should be a time within"),
         (("--ring-down", "--rate", "-3"), "--rate -3: should be greater than 0"),
-        (("--ring-down", "--gravity-angle", "nan"), "--gravity-angle nan: should be a finite number of degrees"),
+        (("--ring-down", "--gravity-angle", "nan"), "--gravity-angle nan: should be an angle in degrees, such as 90"),
         (("--ring-down", "--rate", "100"), "--rate needs the column frame"),
         (("--ring-down", "--released", "1.17"), "only 3 frames follow the release"),
         (("--ring-down", "--row-time", "1e-5"), "--row-time and --exposure: are only for a video"),

@@ -1,4 +1,4 @@
-"""Each safeguard of a run works alone: the wait for rest, the check of the current, the guardian, and the limits."""
+"""Each safeguard of a run works without the others: wait for rest, check of the current, guardian, and limits."""
 
 from __future__ import annotations
 

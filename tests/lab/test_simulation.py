@@ -183,7 +183,7 @@ def test_a_finite_bulk_modulus_bends_further() -> None:
         simulate(load_specimen("type1"), law, values, field, 0.0, bulk_modulus_kPa=-1.0)
     with pytest.raises(InputError, match=r"--bulk-modulus-kPa inf: should be .* omitted for an incompressible"):
         simulate(load_specimen("type1"), law, values, field, 0.0, bulk_modulus_kPa=np.inf)
-    with pytest.raises(InputError, match="--field-angle nan: should be a finite number of degrees"):
+    with pytest.raises(InputError, match="--field-angle nan: should be an angle in degrees, such as 90"):
         simulate(load_specimen("type1"), law, values, field, 0.0, np.nan)
     with pytest.raises(InputError, match="--coil-constant: the fields are not finite"):
         simulate(load_specimen("type1"), law, values, np.nan * field, 0.0)

@@ -45,8 +45,8 @@ def planar() -> SpecimenFile:
     [
         ({"bulk_modulus_kPa": 0.0}, "--bulk-modulus-kPa 0: should be greater than 0"),
         ({"bulk_modulus_kPa": math.inf}, "--bulk-modulus-kPa inf: should be greater than 0"),
-        ({"gravity_angle_deg": math.nan}, "--gravity-angle nan: should be a finite number of degrees"),
-        ({"field_angle_deg": math.inf}, "--field-angle inf: should be a finite number of degrees"),
+        ({"gravity_angle_deg": math.nan}, "--gravity-angle nan: should be an angle in degrees, such as 90"),
+        ({"field_angle_deg": math.inf}, "--field-angle inf: should be an angle in degrees, such as 90"),
         ({"field_mT": np.array([0.0, math.nan])}, "--coil-constant: the fields are not finite"),
         ({"parameters": np.array([0.0])}, "the initial shear modulus of neo-hookean is 0 Pa; it should be above 0"),
     ],

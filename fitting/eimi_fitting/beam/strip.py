@@ -158,7 +158,7 @@ class Strip:
         return np.column_stack([s, _rescaled(across, after, before)])
 
     def nearest(self, places_mm: Array) -> Array:
-        """Return the points (x, y) of the unloaded specimen that are nearest to given points."""
+        """Return the nearest point (x, y) of the unloaded specimen for each given point."""
         # Points far beyond the ends of the specimen have no foot on the centre line.
         places = np.clip(np.asarray(places_mm, float), [0.0, -np.inf], [self._length, np.inf])
         half = 0.5 * self.straight.width_mm
