@@ -171,6 +171,19 @@ def test_tracked_points_are_corrected_like_edges() -> None:
     assert found.rest_mm is observed.rest_mm
 
 
+def test_a_distortion_of_one_tracked_point_is_measured_in_half_of_its_distance_from_the_clamp() -> None:
+    rest, displaced = np.array([[29.0, 0.0]]), np.array([[[28.0, 5.0]]])
+    observed = PointObservation(rest, displaced, np.array([[0.05]]))
+    assumed: Any = SimpleNamespace(experiment=Experiment(BeamModel(BEAM, 4, 1), Loads.along([5.0]), observed))
+    change = CAUSES["distortion"].change
+    assert change is not None
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(causes_in_pictures, "replace", lambda one, **new: _replaced(one, new))
+        corrected = change(assumed, np.array([0.01, 0.0, 0.0, 0.0, 0.0])).experiment.observed.moved_mm
+    # The clamp is two radii from the point: 1 % distortion at one radius displaces it by 2 * 2**2 % of the radius.
+    assert corrected == pytest.approx((1.0 - 0.5 * 0.01 * 2.0**3) * displaced)
+
+
 def test_a_taper_has_a_linear_and_a_waisted_part() -> None:
     assumed = causes_in_specimens.Assumed(LAWS["neo-hookean"], np.array([[40e3]]), None, seen())
     change = CAUSES["taper"].change

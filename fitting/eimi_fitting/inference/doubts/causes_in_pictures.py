@@ -57,7 +57,9 @@ def _stand_off_mm(experiment: Experiment) -> float:
 def _distorted(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
     centre, radial, off_centre = _centre(experiment), float(amplitudes[0]), amplitudes[1:3]
     used = _measured(experiment)[np.isfinite(experiment.observed.sigma_mm)] - centre
-    farthest_mm = max(float(np.sqrt((used**2).sum(axis=-1).max())), 1e-6)
+    # Few tracked points can be close together and far from the clamp, from which positions are measured. Then half of
+    # its distance is used: in units of a much smaller radius, the displacement of the clamp would be enormous.
+    farthest_mm = max(float(np.sqrt((used**2).sum(axis=-1).max())), 0.5 * float(np.linalg.norm(centre)), 1e-6)
     share = (places - centre) / farthest_mm
     # The first amplitude is the relative distortion at the farthest point. The other two are the displacement of the
     # axis, times the first, divided by the distance of this point. A large displacement is only counted linearly.
