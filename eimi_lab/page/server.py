@@ -37,6 +37,8 @@ from eimi_lab.process.threads import one_thread_each
 STATIC = Path(str(files("eimi_lab.page"))) / "static"
 LARGEST_MESSAGE_BYTES = 1 << 16
 CLOSE_WITHIN_S = 10
+HTTP_PORT = 80
+"""Port of addresses that state none."""
 
 
 class Page:
@@ -180,9 +182,12 @@ def serve(folder: Path, host: str, port: int, say: Callable[[str], None], view: 
     page = Page(folder)
     listening = _listen(host, port)
     bound = listening.getsockname()[1]
-    names = {"127.0.0.1", "localhost", "[::1]"} if _is_loopback(host) else {_in_address(host)}
+    names = {"127.0.0.1", "localhost", "[::1]"} if _is_loopback(host) else {_in_address(host).lower()}
     token = new_token()
-    app = guarded(page, frozenset(f"{name}:{bound}" for name in names), token)
+    hosts = {f"{name}:{bound}" for name in names}
+    if bound == HTTP_PORT:
+        hosts |= names  # a browser does not send this port
+    app = guarded(page, frozenset(hosts), token)
     config = uvicorn.Config(
         app,
         log_level="warning",

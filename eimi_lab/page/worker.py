@@ -24,6 +24,7 @@ class Worker:
 
     def __init__(self) -> None:
         self._pool: ProcessPoolExecutor | None = None
+        self._turn = asyncio.Lock()
 
     async def do(self, function: Callable[..., T], *arguments: Any) -> T:
         """Call a function of a module in the worker process, and return its result.
@@ -33,20 +34,21 @@ class Worker:
         InputError
             If the process crashed, or if the call took too long.
         """
-        if self._pool is None:
-            start_resource_tracker()
-            self._pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), _begin)
-        pool = self._pool
-        try:
-            return await asyncio.wait_for(asyncio.wrap_future(pool.submit(function, *arguments)), LONGEST_S)
-        except BrokenProcessPool as error:
-            self._drop(pool)
-            raise InputError(
-                "the process that read this file crashed; the file may be damaged, and `eimi recover` may help"
-            ) from error
-        except TimeoutError as error:
-            self._drop(pool)
-            raise InputError(f"the request took more than {LONGEST_S:g} s and was cancelled") from error
+        async with self._turn:  # a task is handed over when the one before has ended: a wait is not part of its time
+            if self._pool is None:
+                start_resource_tracker()
+                self._pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), _begin)
+            pool = self._pool
+            try:
+                return await asyncio.wait_for(asyncio.wrap_future(pool.submit(function, *arguments)), LONGEST_S)
+            except BrokenProcessPool as error:
+                self._drop(pool)
+                raise InputError(
+                    "the process that read this file crashed; the file may be damaged, and `eimi recover` may help"
+                ) from error
+            except TimeoutError as error:
+                self._drop(pool)
+                raise InputError(f"the request took more than {LONGEST_S:g} s and was cancelled") from error
 
     def close(self) -> None:
         """End the worker process, even during a task."""

@@ -849,6 +849,35 @@ def test_the_file_that_opens_the_page_is_private() -> None:
     assert not path.exists()
 
 
+def test_a_task_of_the_worker_begins_when_the_task_before_has_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def work() -> None:
+        begun: list[asyncio.Future[str]] = []
+
+        def begin() -> asyncio.Future[str]:
+            begun.append(asyncio.get_running_loop().create_future())
+            return begun[-1]
+
+        pool = SimpleNamespace(submit=lambda function: function(), _processes={}, shutdown=lambda **_: None)
+        monkeypatch.setattr(worker, "ProcessPoolExecutor", lambda *_: pool)
+        monkeypatch.setattr(worker, "start_resource_tracker", lambda: None)
+        monkeypatch.setattr(worker, "asyncio", changed_module(asyncio, wrap_future=lambda future: future))
+        one = Worker()
+        tasks = [asyncio.create_task(one.do(begin)) for _ in range(2)]
+        while not begun:
+            await asyncio.sleep(0)
+        for _ in range(20):  # the second task would begin in these turns of the event loop
+            await asyncio.sleep(0)
+        assert len(begun) == 1
+        begun[0].set_result("first")
+        assert await tasks[0] == "first"
+        while len(begun) == 1:
+            await asyncio.sleep(0)
+        begun[1].set_result("second")
+        assert await tasks[1] == "second"
+
+    run(work())
+
+
 def test_a_worker_that_crashes_or_is_too_slow_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
     async def work() -> None:
         made: list[Any] = []
@@ -1080,10 +1109,19 @@ def test_the_page_answers_with_what_its_functions_return(folder: DataFolder) -> 
     [
         ("127.0.0.1", "", {"127.0.0.1", "localhost", "[::1]"}, "http://127.0.0.1:{}/#token={}"),
         ("::1", "phone", {"127.0.0.1", "localhost", "[::1]"}, "http://[::1]:{}/#token={}#phone"),
+        ("Bench-PC", "", {"bench-pc"}, "http://Bench-PC:{}/#token={}"),
     ],
 )
+@pytest.mark.parametrize(("port", "at_port"), [(8765, {":8765"}), (80, {":80", ""})])
 def test_the_page_is_served_until_a_signal(
-    folder: DataFolder, monkeypatch: pytest.MonkeyPatch, host: str, view: str, hosts: set[str], address: str
+    folder: DataFolder,
+    monkeypatch: pytest.MonkeyPatch,
+    host: str,
+    view: str,
+    hosts: set[str],
+    address: str,
+    port: int,
+    at_port: set[str],
 ) -> None:
     said: list[str] = []
     made: list[Any] = []
@@ -1102,12 +1140,12 @@ def test_the_page_is_served_until_a_signal(
     monkeypatch.setattr(server, "one_thread_each", lambda: closed.append("threads"))
     monkeypatch.setattr(Worker, "close", lambda self: closed.append("worker"))
     monkeypatch.setattr(server, "new_token", lambda: "secret")
-    monkeypatch.setattr(server, "_listen", lambda host, port: SimpleNamespace(getsockname=lambda: (host, 8765)))
+    monkeypatch.setattr(server, "_listen", lambda *_: SimpleNamespace(getsockname=lambda: (host, port)))
     with pytest.raises(Stopped) as stopped:
         server.serve(folder.root, host, 0, said.append, view)
-    assert (stopped.value.number, closed, said) == (15, ["threads", "worker"], [address.format(8765, "secret")])
+    assert (stopped.value.number, closed, said) == (15, ["threads", "worker"], [address.format(port, "secret")])
     config = made[0]
-    assert (config.app.hosts, config.app.token) == ({f"{name}:8765" for name in hosts}, "secret")
+    assert (config.app.hosts, config.app.token) == ({name + end for name in hosts for end in at_port}, "secret")
     settings = ("log_level", "access_log", "proxy_headers", "server_header", "ws_max_size", "ws_per_message_deflate")
     assert [getattr(config, key) for key in settings] == ["warning", False, False, False, 1 << 16, False]
     assert config.timeout_graceful_shutdown == 10
