@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from eimi_drivers.supplies.supply_names import is_bipolar
+from eimi_drivers.supplies.supply_names import is_bipolar, supply_driver
+from eimi_drivers.supplies.values import set_point_text
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.specimen import STANDARD_GRAVITY
 from eimi_fitting.inference.evidence.sources import StatedSource
@@ -294,7 +295,10 @@ def _currents(rig: Rig, protocol: Protocol) -> Array:
     limit = protocol.limits.stricter(rig.supply.limits).current_A
     bipolar = not rig.simulated and is_bipolar(rig.supply.driver)
     rounded = np.round(np.linspace(-limit if bipolar else 0.0, limit, _GRID), 3)
-    return np.unique(np.clip(rounded, -limit, limit))
+    # A run refuses currents between the steps of its supply.
+    step = None if rig.simulated else getattr(supply_driver(rig.supply.driver), "current_step_A", None)
+    possible = np.clip(rounded, -limit, limit)
+    return np.unique(possible if step is None else [float(set_point_text(current, step)) for current in possible])
 
 
 def _planned(goal: Goal, mounting: Mounting, rig: Rig, currents_A: Array, states: int) -> PlannedRun | None:

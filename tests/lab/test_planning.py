@@ -187,6 +187,19 @@ def test_the_currents_of_a_plan_differ_and_obey_a_limit_between_whole_milliamper
     assert (np.diff(currents_A) > 0).all()
 
 
+def test_the_currents_of_a_plan_are_multiples_of_the_step_of_the_supply() -> None:
+    rig = load_rig("bench_example")
+    supply = rig.supply.model_copy(update={"driver": "kepco-bop"})
+    protocol = load_protocol("dragon_skin_10_quick")
+    limits = protocol.limits.model_copy(update={"current_A": 1.019})
+    currents_A = planning._currents(
+        rig.model_copy(update={"supply": supply}), protocol.model_copy(update={"limits": limits})
+    )
+    assert (currents_A[0], currents_A[-1]) == (-1.01, 1.01)
+    assert all(current in currents_A for current in (0.0, 0.05, -0.05))
+    assert [round(current, 2) for current in currents_A] == list(currents_A)
+
+
 def test_the_uncertainty_of_the_current_is_in_the_expected_interval(fits: Path, run, tmp_path: Path) -> None:
     sure, unsure = (half_width(planned(fits, tmp_path, run, 1.6, 2.0, unsure_A)[0]) for unsure_A in (0.0, 0.05))
     # 0.05 A of 0.7 A changes the torque, and thus the modulus, by several per cent.
