@@ -17,6 +17,7 @@ from eimi_lab.process.errors import InputError
 BENCH = "bench"
 """The argument of `eimi emulate` for all instruments of a rig together."""
 _MT_PER_A = 4.7
+_AFTER_S = 5.0
 
 
 def instruments(
@@ -122,7 +123,7 @@ def emulate(
             help="time until the fault begins, in seconds, counted from the moment at which the output is on and its "
             "current is not zero",
         ),
-    ] = 5.0,
+    ] = _AFTER_S,
     faults: Annotated[
         bool,
         typer.Option(
@@ -163,15 +164,16 @@ def emulate(
         ),
     ] = None,
     output: Annotated[
-        Path,
+        Path | None,
         typer.Option(
             "-o",
             "--output",
             metavar="FILE",
+            show_default="bench.toml",
             help="only for `emulate bench`: rig file to write, with the addresses of the emulated instruments; "
             "`eimi acquire --rig FILE` then measures with these instruments",
         ),
-    ] = Path("bench.toml"),
+    ] = None,
     packet_loss: Annotated[
         float,
         typer.Option(
@@ -191,9 +193,12 @@ def emulate(
     writes a rig file with the addresses of these instruments.
     """
     of_gaussmeter = {"--coil": coil is not None, "--mT-per-A": mT_per_A != _MT_PER_A, "--offset-mT": offset_mT != 0.0}
+    of_bench = {"--output": output is not None, "--force": force, "--packet-loss": packet_loss > 0.0}
+    if fault is None and after != _AFTER_S:
+        raise InputError(f"--after {after:g}: is only used with --fault; leave it out")
     if supply == BENCH:
         _refuse_unused(supply, {"--tcp": tcp is not None, "--without-coil": without_coil, **of_gaussmeter})
-        _serve_bench(rig, specimen, output, force, fault, after, packet_loss)
+        _serve_bench(rig, specimen, output or Path("bench.toml"), force, fault, after, packet_loss)
         return
     if rig is not None or specimen is not None:
         raise InputError(f"RIG and --specimen: are only for `eimi emulate {BENCH}`; leave them out for {supply!r}")
@@ -208,14 +213,14 @@ def emulate(
     if supply in SENSOR_DIALECTS:
         if fault is not None and fault not in SENSOR_FAULTS:
             raise InputError(f"--fault = {fault!r}: should be one of {', '.join(SENSOR_FAULTS)} for a sensor")
-        _refuse_unused(supply, {"--without-coil": without_coil, "--packet-loss": packet_loss > 0.0})
+        _refuse_unused(supply, {"--without-coil": without_coil, **of_bench})
         begins = SENSOR_FAULTS[fault] if fault is not None else None
         EmulatedSensorSession(
             supply, tcp, coil, mT_per_A, offset_mT, begins, after, lambda text: print(text, flush=True)
         ).serve()
     if supply not in DIALECTS:
         raise InputError(f"SUPPLY = {supply!r} should be one of {', '.join([*DIALECTS, *SENSOR_DIALECTS])}")
-    _refuse_unused(supply, {"--packet-loss": packet_loss > 0.0, **of_gaussmeter})
+    _refuse_unused(supply, {**of_bench, **of_gaussmeter})
     by_word = {each.word: each for each in Fault}
     if fault is not None and fault not in by_word:
         raise InputError(f"--fault = {fault!r} should be one of {', '.join(by_word)}")

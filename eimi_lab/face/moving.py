@@ -128,10 +128,10 @@ def import_motion(
     refuse_existing(path, force)
     for name, value in (("rate", rate), ("exposure", exposure)):
         if value is not None and not 0.0 < value < math.inf:
-            raise InputError(f"{source}: {name} = {value:g} should be greater than 0")
+            raise InputError(f"{source}: {name} = {value:g} should be a finite number greater than 0")
     for name, weight_N in (("hanging", hanging), ("removed", removed)):
         if not 0.0 <= weight_N < math.inf:
-            raise InputError(f"{source}: {name} = {weight_N:g} should be 0 or more")
+            raise InputError(f"{source}: {name} = {weight_N:g} should be a finite number, 0 or more")
     facts = MotionFacts(
         kind=kind,
         rate_Hz=rate,

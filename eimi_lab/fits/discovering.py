@@ -36,6 +36,8 @@ def discovered(evidence: Sequence[Evidence], curves: Sequence[FileCurve], **opti
     InputError
         If the data cannot be used, or if an option is wrong.
     """
+    if not evidence and not curves:
+        raise InputError("discover: datasets is an empty list; give at least one dataset or one tensile curve")
     check_evidence(evidence)
     try:
         return discover([dataset.experiment for dataset in evidence], curves, **options)

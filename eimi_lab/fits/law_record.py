@@ -132,10 +132,15 @@ class LawRecord:
         """Return the names of the parameters that the data do not limit, but only the bounds of the search."""
         return ()
 
+    @property
+    def stretch_reached(self) -> float:
+        """Return the largest stretch in all data of the fit."""
+        return self.max_stretch
+
     def stretch_in_words(self) -> str:
         """Return sentences with the largest stretch in the data and the limit of stability."""
         return (
-            f"Largest stretch in the data {self.max_stretch:.3f}; beyond this stretch the law is an extrapolation. "
+            f"Largest stretch in the data {self.stretch_reached:.3f}; beyond this stretch the law is an extrapolation. "
             f"{self._stability_in_words()}"
         )
 
@@ -199,7 +204,7 @@ class LawRecord:
         from eimi_lab.fits.fit_figures import drawn_law  # matplotlib is slow to import
 
         law = LAWS[self.model]
-        return drawn_law(law, np.array(self.values()), self.drawn(200), self.max_stretch)
+        return drawn_law(law, np.array(self.values()), self.drawn(200), self.stretch_reached)
 
     def summary(self) -> str:
         """Return one line: the name of the law, and the initial shear modulus with its 95 % interval."""

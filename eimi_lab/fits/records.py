@@ -19,6 +19,7 @@ from eimi_fitting.inference.evidence.sources import StatedSource
 from eimi_fitting.inference.evidence.tensile_curves import TensileEvidence
 from eimi_fitting.inference.fit import Fit, IdentifiedLaw
 from eimi_fitting.laws import LAWS
+from eimi_fitting.laws.tensile import strain_reached
 from eimi_fitting.time.result import LawOfTime
 from eimi_lab.fits.bootstrap_record import BootstrapRecord
 from eimi_lab.fits.evidence import WHOLE_FILES, Evidence
@@ -98,7 +99,7 @@ class CurveRecord(Record):
     correlation_rows : float
         Number of neighbouring rows whose residuals are correlated.
     largest_strain : float
-        Largest used strain.
+        Used strain with the largest principal stretch; negative for a compression test.
     rmse_alone_Pa, rmse_Pa : float
         Root mean square error of the stress: fit to this curve alone, and joint fit.
     """
@@ -112,6 +113,11 @@ class CurveRecord(Record):
     largest_strain: float
     rmse_alone_Pa: float
     rmse_Pa: float
+
+    @property
+    def max_stretch(self) -> float:
+        """Return the largest principal stretch of the used rows; in compression, that across the specimen."""
+        return float(max(1 + self.largest_strain, (1 + self.largest_strain) ** -0.5))
 
     @property
     def name(self) -> str:
@@ -131,7 +137,7 @@ class CurveRecord(Record):
             weight=curve.weight,
             rows=len(curve.strain),
             correlation_rows=evidence.correlation_rows,
-            largest_strain=float(curve.strain.max()),
+            largest_strain=strain_reached(curve.strain),
             rmse_alone_Pa=evidence.noise_Pa,
             rmse_Pa=rmse_Pa,
         )
@@ -209,6 +215,11 @@ class FitRecord(IdentifiedLaw, LawRecord):
     distances: Annotated[SkipValidation[tuple[Residuals, ...]], Field(exclude=True)] = field(default=(), compare=False)
 
     __repr__ = LawRecord.__repr__
+
+    @property
+    def stretch_reached(self) -> float:
+        """Return the largest stretch in the data, with the tensile curves that were fitted with the states."""
+        return max([self.max_stretch, *(curve.max_stretch for curve in self.tensile)])
 
     def residuals(self, dataset: int = 0) -> Residuals:
         """Return the distances of measured points from the simulated beam for one dataset.

@@ -221,4 +221,4 @@ def _validation(
 
 def _is_within(stretch: float, fit: FitRecord | TensileRecord | RingDownRecord) -> bool | None:
     """Return whether a stretch was reached in the data of a fit; None for ring-downs, whose stretches are unknown."""
-    return None if isinstance(fit, RingDownRecord) else stretch <= fit.max_stretch + _SAME_STRETCH
+    return None if isinstance(fit, RingDownRecord) else stretch <= fit.stretch_reached + _SAME_STRETCH

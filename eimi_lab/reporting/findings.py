@@ -18,7 +18,6 @@ from eimi_lab.reporting.contents import DatasetContents, ReportContents
 from eimi_lab.reporting.residual_noise import residual_noise
 from eimi_lab.reporting.rounded import value_and_interval
 from eimi_lab.reporting.shown import ShownFit, chosen
-from eimi_lab.reporting.stress import stretch_reached
 
 _NOISE = "Do the residuals look like noise?"
 _NEXT = "What to measure better next?"
@@ -269,7 +268,7 @@ def _law(shown: ShownFit) -> Verdict:
 
 def _reach(fit: FitRecord | TensileRecord) -> Verdict:
     limit = fit.stability.stable_up_to_stretch
-    reached = stretch_reached(fit)
+    reached = fit.stretch_reached
     beyond = f"beyond {100 * (reached - 1):.1f} % strain"
     words = f"The data reach a stretch of {reached:.3f}; any stress {beyond} is extrapolated."
     held = [name for name in fit.held_by_bounds() if name != "initial_shear_modulus"]

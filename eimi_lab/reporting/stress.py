@@ -134,13 +134,7 @@ def largest_strain(fits: Sequence[ShownFit]) -> float:
 
 def reached(shown: ShownFit, mode: Mode) -> float:
     """Return the strain in a mode of deformation at the largest stretch in the data of a fit."""
-    return mode.at_stretch(stretch_reached(shown.fit))
-
-
-def stretch_reached(fit: FitRecord | TensileRecord) -> float:
-    """Return the largest stretch in the data of a fit, with the tensile curves that were fitted with the states."""
-    curves = fit.tensile if isinstance(fit, FitRecord) else ()
-    return max([fit.max_stretch, *(1 + curve.largest_strain for curve in curves)])
+    return mode.at_stretch(shown.fit.stretch_reached)
 
 
 def stress_curve(shown: ShownFit, strain: Array, mode: Mode = UNIAXIAL) -> StressCurve:
@@ -194,6 +188,9 @@ def tensile_points(fits: Sequence[ShownFit], largest_strain: float) -> tuple[lis
         if test.sha256 != sha256:
             missing.append(f"The tensile test is not drawn: {path} has changed since it was fitted.")
             continue
-        drawn = test.strain <= largest_strain
+        drawn = (test.strain >= 0) & (test.strain <= largest_strain)
+        if not drawn.any():
+            missing.append(f"{path.name} is not drawn, because it has no strain in the range of the figure.")
+            continue
         points.append(TensilePoints(path.name, test.strain[drawn], test.stress_Pa[drawn]))
     return points, missing

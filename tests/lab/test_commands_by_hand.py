@@ -198,6 +198,8 @@ def test_emulate_serves_a_supply_a_sensor_or_a_bench(
         ("korad", "--mT-per-A", {"mT_per_A": 3.0}),
         ("korad", "--offset-mT", {"offset_mT": -3.0}),
         ("korad", "--packet-loss", {"packet_loss": 0.5}),
+        ("korad", "--output", {"output": Path("rig.toml")}),
+        ("text-line", "--force", {"force": True}),
         ("text-line", "--packet-loss", {"packet_loss": 0.5}),
         ("text-line", "--without-coil", {"without_coil": True}),
         ("bench", "--tcp", {"tcp": 0}),
@@ -206,6 +208,8 @@ def test_emulate_serves_a_supply_a_sensor_or_a_bench(
     ):
         with pytest.raises(InputError, match=f"^{option}: is not used by `eimi emulate {instrument}`; leave it out"):
             bench.emulate(instrument, **given)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"^--after 3: is only used with --fault; leave it out"):
+        bench.emulate("korad", after=3.0)
     assert sessions == []
     with pytest.raises(InputError):  # a real session of a sensor never ends
         bench.emulate("text-line", None, 1, "jump", 2.0, coil="c", mT_per_A=3.0, offset_mT=4.0)

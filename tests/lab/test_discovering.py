@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import eimi_lab as eimi
 from eimi_fitting import LAWS, BeamModel, Loads, Specimen
 from eimi_fitting.laws import engineering_stress
+from eimi_lab.process.errors import InputError
 
 SPECIMEN = """[specimen]
 name = "strip"
@@ -53,6 +55,11 @@ def test_a_dataset_with_one_point_is_refused_by_its_name(strip: Path, run) -> No
     assert run("import", strip / "one.csv", *tables, "-o", strip / "one.h5") == (0, "")
     words = "the data have 2 measured values; laws of up to 3 terms need at least 4"
     assert run("discover", strip / "one.h5", "-o", strip / "d.json") == (2, f"eimi: {strip / 'one.h5'}: {words}\n")
+
+
+def test_no_data_are_refused() -> None:
+    with pytest.raises(InputError, match=r"^discover: datasets is an empty list; give at least one dataset or one ten"):
+        eimi.discover([])
 
 
 def test_a_curve_with_a_wrong_sign_is_refused_in_one_line(strip: Path, run) -> None:

@@ -790,10 +790,10 @@ def test_a_motion_is_imported(called: Called, tmp_path: Path) -> None:
     written = [arguments for name, arguments, _ in calls if name == "write_motion_dataset"]
     assert written[-1][4:6] == (None, False)
     for wrong in ({"rate": 0.0}, {"rate": -1.0}, {"exposure": 0.0}, {"rate": float("inf")}):
-        with pytest.raises(InputError, match="should be greater than 0"):
+        with pytest.raises(InputError, match="should be a finite number greater than 0"):
             moving.import_motion("t", "s", output, **wrong)  # type: ignore[arg-type]
     for name in ("hanging", "removed"):
-        with pytest.raises(InputError, match=f"^t: {name} = -1 should be 0 or more"):
+        with pytest.raises(InputError, match=f"^t: {name} = -1 should be a finite number, 0 or more"):
             moving.import_motion("t", "s", output, **{name: -1.0})  # type: ignore[arg-type]
     output.write_text("x")
     with pytest.raises(InputError, match="exists"):

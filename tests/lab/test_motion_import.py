@@ -296,7 +296,7 @@ def test_every_option_of_a_motion_reaches_the_function_that_uses_it(
         moving.import_motion("film.mp4", "type1", tmp_path / "other.h5", no_gravity=no_gravity)
         assert read["has_gravity_direction"] is no_gravity
         assert (written[-3], written[-2]) == (None, not no_gravity)
-    with pytest.raises(InputError, match="rate = 0 should be greater than 0"):
+    with pytest.raises(InputError, match="rate = 0 should be a finite number greater than 0"):
         moving.import_motion("film.mp4", "type1", tmp_path / "other.h5", rate=0.0)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -13,14 +13,25 @@ import pytest
 
 from eimi_fitting.inference.evidence.quantity import Quantity
 from eimi_fitting.inference.evidence.sources import StatedSource
-from eimi_lab.fits import evidence, fit_summary, fits_file, options, predicted_error, tensile_files, time_fits
+from eimi_lab.fits import (
+    evidence,
+    fit_summary,
+    fits_file,
+    options,
+    predicted_error,
+    simulated_fit,
+    tensile_files,
+    time_fits,
+)
 from eimi_lab.fits.options import FitOptions
-from eimi_lab.fits.records import CurveRecord
+from eimi_lab.fits.records import CurveRecord, FitRecord
 from eimi_lab.fits.states_used import StatesUsed
 from eimi_lab.fits.tensile_files import FileCurve
 from eimi_lab.fits.validation import FitReference, Validation
 from eimi_lab.fits.validation_tables import by_dataset, by_state, matrix
 from eimi_lab.process.errors import InputError
+
+RELEASE = Path(__file__).parents[1] / "compatibility" / "release"
 
 
 def data(
@@ -341,6 +352,20 @@ def test_a_tensile_curve_is_recorded_with_its_file_or_the_hash_of_its_numbers() 
     stored = CurveRecord.of(of_file, 150.0)
     assert (stored.path, stored.sha256, stored.window_percent, stored.weight) == ("pull.csv", "12ab", 50.0, 2.0)
     assert stored.name == "pull.csv"
+
+
+def test_the_largest_stretch_of_a_fit_includes_its_tensile_curves() -> None:
+    fit = next(fit for fit in fits_file.read_fits_file(RELEASE / "fits.json").fits if isinstance(fit, FitRecord))
+    given: dict[str, Any] = {"correlation_rows": 2.5, "noise_Pa": 120.0}
+    pressed: Any = SimpleNamespace(strain=np.array([-0.02, -0.5]), stress_Pa=np.array([-1e3, -9e4]), weight=1.0)
+    curve = CurveRecord.of(SimpleNamespace(curve=pressed, **given), 150.0)  # type: ignore[arg-type]
+    assert (curve.largest_strain, curve.max_stretch) == (-0.5, pytest.approx(2**0.5))
+    assert curve.model_copy(update={"largest_strain": 0.8}).max_stretch == 1.8
+    joint = replace(fit, max_stretch=1.1, tensile=(curve,))
+    assert (replace(joint, tensile=()).stretch_reached, joint.stretch_reached) == (1.1, curve.max_stretch)
+    assert joint.stretch_in_words().startswith("Largest stretch in the data 1.414; ")
+    assert simulated_fit._is_within(1.41, joint)
+    assert not simulated_fit._is_within(1.42, joint)
 
 
 def test_the_remarks_on_datasets_come_one_dataset_after_another(monkeypatch: pytest.MonkeyPatch) -> None:

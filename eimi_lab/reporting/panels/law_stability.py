@@ -9,7 +9,6 @@ from eimi_lab.fits.tensile_record import TensileRecord
 from eimi_lab.reporting.contents import ReportContents
 from eimi_lab.reporting.elements import Table
 from eimi_lab.reporting.panel import ReportPanel
-from eimi_lab.reporting.stress import stretch_reached
 
 _HEAD = ("law", "stretch reached", "stable up to", "stable over the data")
 
@@ -17,7 +16,7 @@ _HEAD = ("law", "stretch reached", "stable up to", "stable over the data")
 def _row(label: str, fit: FitRecord | TensileRecord) -> tuple[str, ...]:
     limit, checked = fit.stability.stable_up_to_stretch, fit.stability.checked_up_to_stretch
     stable_to = f"≥ {checked:g}" if limit is None else "nowhere" if limit <= 1 else f"{limit:.2f}"
-    reached = stretch_reached(fit)
+    reached = fit.stretch_reached
     over_data = "yes" if reached <= checked else f"checked up to {checked:g} only"
     if limit is not None and limit < reached:
         over_data = "no"

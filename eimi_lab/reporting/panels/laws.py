@@ -17,7 +17,6 @@ from eimi_lab.reporting.elements import Cell, Table
 from eimi_lab.reporting.panel import ReportPanel
 from eimi_lab.reporting.rounded import format_quantity
 from eimi_lab.reporting.shown import ShownFit
-from eimi_lab.reporting.stress import stretch_reached
 from eimi_lab.showing.significant import significant
 
 _HEAD = (
@@ -45,7 +44,7 @@ def table_of_laws(fits: Sequence[ShownFit], bending: bool) -> Table:
     `bending` tells whether the fits have bent beams.
     """
     rows = [
-        (s.fit.model, s.origin, _modulus(s.fit), _parameters(s.fit), _misfit(s.fit), f"{stretch_reached(s.fit):.3f}")
+        (s.fit.model, s.origin, _modulus(s.fit), _parameters(s.fit), _misfit(s.fit), f"{s.fit.stretch_reached:.3f}")
         for s in fits
     ]
     notes = [_NOTE, _INTERVALS] if bending else [_NOTE]

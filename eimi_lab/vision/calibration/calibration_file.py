@@ -244,7 +244,8 @@ def from_beam(
         raise InputError(
             f"{image}: the weight of the beam acts across its axis and bends the beam (--axis-angle "
             f"{setup.axis_angle_deg:g}, gravity at {setup.gravity_angle_deg:g} degrees), so that its direction cannot "
-            "be measured; use --board or --ruler-px instead, or a picture of the hanging beam"
+            "be measured; use --board or --ruler-px instead, or a picture of the hanging beam; if gravity has another "
+            "direction in the picture, give --gravity-angle"
         )
     width = specimen.specimen.width_mm
     guess = setup.calibration(1.0, 0.0, {}, _day_of([image]))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -23,6 +24,8 @@ from eimi_lab.demonstration import Score
 from eimi_lab.fits.evidence import Evidence
 from eimi_lab.fits.grades import grade
 from eimi_lab.fits.records import FitRecord
+from eimi_lab.fits.tensile_files import read_tensile
+from eimi_lab.fits.tensile_fits import fit_window
 from eimi_lab.fits.tensile_record import TensileRecord
 from eimi_lab.fits.validation import Validation
 from eimi_lab.reporting import findings
@@ -41,7 +44,7 @@ from eimi_lab.reporting.panels.uncertainty_budget import drawn_budget, shares
 from eimi_lab.reporting.residual_noise import ResidualNoise
 from eimi_lab.reporting.rounded import format_quantity, value_and_interval
 from eimi_lab.reporting.shown import ShownFit, chosen
-from eimi_lab.reporting.stress import TensilePoints
+from eimi_lab.reporting.stress import TensilePoints, largest_strain, tensile_points
 
 Shown = Callable[..., ShownFit]
 Judged = Callable[..., Validation]
@@ -160,6 +163,19 @@ def test_the_report_s_stress_is_in_kilopascal_with_the_band_of_the_draws(fit: Fi
     ends = engineering_stress(law, np.quantile(np.linspace(40e3, 65e3, 401), [[0.025], [0.975]]), strain[-1:] / 100)
     at_end = band[np.isclose(band[:, 0], strain[-1]), 1]
     assert (at_end.min(), at_end.max()) == pytest.approx(tuple(1e-3 * ends[:, 0]), rel=1e-2)
+
+
+def test_a_compression_test_is_named_but_not_drawn(tmp_path: Path, shown: Shown) -> None:
+    strain = np.linspace(-0.02, -0.5, 30)
+    stress_Pa = engineering_stress(LAWS["neo-hookean"], np.array([46e3]), strain)
+    rows = [f"{e},{s}" for e, s in zip(strain, stress_Pa, strict=True)]
+    (tmp_path / "pressed.csv").write_text("\n".join(["strain,stress_Pa", *rows]) + "\n")
+    fits = [shown(fit_window(read_tensile(tmp_path / "pressed.csv"), "neo-hookean", None))]
+    points, missing = tensile_points(fits, largest_strain(fits))
+    assert points == []
+    assert missing == ["pressed.csv is not drawn, because it has no strain in the range of the figure."]
+    low_kPa, high_kPa = drawn_stress(fits, points, None).axes[0].get_ylim()
+    assert low_kPa < 0 < 10 < high_kPa
 
 
 def test_the_stress_of_many_kinds_of_data_is_drawn_in_figures_of_two_kinds(
