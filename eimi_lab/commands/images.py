@@ -104,6 +104,11 @@ def import_(
     check_distinct([path for path in dict.fromkeys(inputs) if path], [output])
     beam, read = load_specimen(specimen), None
     if facts is not None:
+        if states is None and (dark or flat or average or every is not None):
+            raise InputError(
+                f"{source}: --every, --average, --dark and --flat: are only for states (load steps at rest), which "
+                "--states lists; leave them out for a motion"
+            )
         refuse_existing(output, force)
         has_gravity = gravity_angle is not None or no_gravity
         if options.format is None:

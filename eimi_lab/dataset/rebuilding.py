@@ -135,6 +135,8 @@ def _without_incomplete(entry: h5py.Group, lost: Sequence[str]) -> list[str]:
     for place in lost:
         inside = place.removeprefix("attributes of ").removeprefix(f"{entry.name}/")
         name = next((name for name in (*_OPTIONAL, *sensors) if f"{inside}/".startswith(f"{name}/")), "")
+        if place.startswith("attributes of ") and (name == inside or name not in MOTIONS.values()):
+            name = ""  # only a motion has attributes that are read again
         if name == EDGES:
             drop_edges(entry)
         elif name in entry and name:

@@ -24,12 +24,13 @@ from eimi_lab.dataset.layout import (
 )
 from eimi_lab.dataset.reading import Dataset, open_dataset
 from eimi_lab.dataset.rebuilding import HDF5_RAISES, readable, rebuilt_tables
-from eimi_lab.dataset.recordings import BELONGS_TO, complete_rows, keep_rows
+from eimi_lab.dataset.recordings import BELONGS_TO, RING_DOWN, complete_rows, keep_rows, make_recordings
 from eimi_lab.dataset.repair.chunks import mend_chunks
 from eimi_lab.dataset.repair.mended_file import MendedFile
 from eimi_lab.dataset.repair.metadata import mend_metadata
 from eimi_lab.dataset.repair.superblock import close_superblock, is_hdf5
 from eimi_lab.dataset.sensor_logs import log_of, sensor_names
+from eimi_lab.dataset.steps import RING_DOWN_STEPS, SET_POINTS
 from eimi_lab.process.errors import InputError, OwnFault, tell
 from eimi_lab.process.limits import child_arguments, limit_memory, obey_processor_limit, run_limited
 from eimi_lab.process.outputs import whole_file
@@ -188,6 +189,7 @@ def _copy(source: h5py.File, crashed: Path, path: Path) -> tuple[int, list[str]]
         else:
             _drop_unacknowledged(copy["entry"], states)
             lost_of_recordings = _drop_unreadable(copy["entry"], states)
+            _repair_steps(copy["entry"])
     lines = [f"unreadable and left out: {', '.join(lost)}"] if lost else []
     lines += lost_of_recordings
     with open_dataset(path) as recovered:
@@ -235,10 +237,16 @@ def _copy_group(source: h5py.Group, copy: h5py.Group, lost: list[str], copied: d
 
 
 def _copy_attributes(source: h5py.Group, copy: h5py.Group, lost: list[str]) -> None:
+    is_lost = False
     try:
-        for name, value in source.attrs.items():
-            copy.attrs[name] = value
+        for name in source.attrs:
+            try:
+                copy.attrs[name] = source.attrs[name]
+            except HDF5_RAISES:
+                is_lost = True
     except HDF5_RAISES:
+        is_lost = True
+    if is_lost:
         lost.append(f"attributes of {source.name}")
 
 
@@ -257,6 +265,22 @@ def _drop_unacknowledged(entry: h5py.Group, states: int) -> None:
     for name in sensor_names(entry):
         for column in log_of(entry, name).values():
             column.resize(frames, axis=0)
+
+
+def _repair_steps(entry: h5py.Group) -> None:
+    """Remove incomplete rows of set-points and ring-downs, and all ring-downs if their frames are lost.
+
+    A resumed run then records the lost ring-downs again.
+    """
+    for name in (SET_POINTS, RING_DOWN_STEPS):
+        columns = list(entry[name].values()) if name in entry else []
+        is_lost = name == RING_DOWN_STEPS and RING_DOWN not in entry
+        complete = 0 if is_lost else min(map(len, columns), default=0)
+        for column in columns:
+            column.resize(complete, axis=0)
+    if RING_DOWN_STEPS in entry and RING_DOWN not in entry:
+        frames = entry["data/frames"]
+        make_recordings(entry, (RING_DOWN,), np.zeros(frames.shape[1:], frames.dtype))
 
 
 def _drop_unreadable(entry: h5py.Group, states: int) -> list[str]:

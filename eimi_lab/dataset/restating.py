@@ -15,6 +15,7 @@ from eimi_lab.config.specimen import SpecimenFile, load_specimen
 from eimi_lab.config.toml import Document, differences
 from eimi_lab.dataset.containment import FORMER
 from eimi_lab.dataset.layout import group, note, now, put_text
+from eimi_lab.dataset.moving.recorded_motion import recorded_kinds
 from eimi_lab.dataset.moving.stored_motions import drop_motions
 from eimi_lab.dataset.reading import Dataset, open_dataset
 from eimi_lab.dataset.rewriting import rewritten
@@ -63,6 +64,7 @@ def restate(
         _check_coil_constant(dataset, dataset.calibration, corrected, calibration)
         is_run = dataset.text("protocol") is not None
         imported = _imported_motions(dataset)
+        same_places = corrected.text == dataset.calibration.text and _shape(beam) == _shape(dataset.specimen)
     changed = {name: differences(before[name].text, after[name].text) for name in before}
     if any(changed.values()):
         with rewritten(path, _LARGEST_TEXTS_BYTES) as entry:
@@ -71,17 +73,26 @@ def restate(
                 entry["states/field"][...] = corrected.mT_per_A * entry["states/current"][()]
                 entry["data/field"][...] = corrected.mT_per_A * entry["data/set_current"][()]
             drop_edges(entry)
-            drop_motions(entry)
-        for kind in imported:
+            if not same_places:
+                drop_motions(entry)
+        for kind in () if same_places else imported:
             tell(f"note: {path}: the imported {kind} is older than this correction and was removed; import it again")
     return tuple(f"{name}: {line}" for name, lines in changed.items() for line in lines)
 
 
+def _shape(specimen: SpecimenFile) -> tuple[object, ...]:
+    """Return the dimensions of a specimen, on which the places of tracked points depend."""
+    beam = specimen.mechanics()
+    magnet = beam.magnet
+    of_magnet = (magnet.length_mm, magnet.width_mm, magnet.depth_mm, magnet.tip_offset_mm) if magnet else ()
+    return beam.length_mm, beam.width_mm, beam.depth_mm, beam.rest_shape, of_magnet
+
+
 def _imported_motions(dataset: Dataset) -> list[str]:
     """Return the kinds of the stored motions that cannot be measured again, because there are no frames of them."""
-    creeping = any(dataset.creep_frames(state.index) is not None for state in dataset.states)
-    kinds = ["ring-down"] if dataset.ring_downs() and not dataset.recorded_ring_downs() else []
-    return kinds + (["creep"] if dataset.creeps() and not creeping else [])
+    recorded = recorded_kinds(dataset)
+    kinds = ["ring-down"] if dataset.ring_downs() and "ring_down" not in recorded else []
+    return kinds + (["creep"] if dataset.creeps() and "creep" not in recorded else [])
 
 
 def _same_beam(dataset: Dataset, file: str | None) -> SpecimenFile:

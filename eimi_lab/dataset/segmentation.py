@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_lab.config.calibration import Calibration
-from eimi_lab.dataset.moving.recorded_motion import recorded_motions
+from eimi_lab.dataset.moving.recorded_motion import recorded_kinds, recorded_motions
 from eimi_lab.dataset.neighbouring_states import is_reliable, search_beside_neighbours
 from eimi_lab.dataset.reading import Dataset, open_dataset
 from eimi_lab.dataset.stored_edges import write_edges
@@ -72,8 +72,9 @@ def segment(path: Path, report: Callable[[str], None], executor: Workers | None 
             projection = frames.projection()
             edge_sets = _find_all(frames, projection, report, executor)
             motions = recorded_motions(dataset, edge_sets, projection, report)
+            kinds = recorded_kinds(dataset)
             length_mm = dataset.specimen.specimen.length_mm
-        write_edges(path, edge_sets, projection, motions, length_mm)
+        write_edges(path, edge_sets, projection, motions, length_mm, kinds)
     return edge_sets
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from eimi_fitting.time.measured import Motion
+from eimi_fitting.time.measured import Kind, Motion
 from eimi_lab.dataset.default_plots import write_plots
 from eimi_lab.dataset.layout import (
     PROGRAM,
@@ -43,6 +43,7 @@ def write_edges(
     projection: Projection | None = None,
     motions: Sequence[Motion] = (),
     length_mm: float = 0.0,
+    kinds: Sequence[Kind] = (),
 ) -> None:
     """Store the edges of every load step, and the motions of the beam, in a dataset. Earlier edges are replaced.
 
@@ -58,6 +59,8 @@ def write_edges(
         Free oscillations and creep (positions of points over time), which replace stored ones of the same kind.
     length_mm
         Length of the beam, mm.
+    kinds
+        Kinds of motion of which stored motions are removed even if ``motions`` contains none of this kind.
 
     Raises
     ------
@@ -82,7 +85,7 @@ def write_edges(
         _write(process, edge_sets)
         write_plots(entry, process, edge_sets)
         _comply_with_definition(entry)
-        for kind in dict.fromkeys(motion.kind for motion in motions):
+        for kind in dict.fromkeys([*kinds, *(motion.kind for motion in motions)]):
             write_motions(entry, kind, [motion for motion in motions if motion.kind == kind], length_mm)
         if projection is not None:
             note(process, "projection", projection.to_json(), "application/json")

@@ -201,6 +201,10 @@ def test_markers_of_a_c3d_file_become_a_ring_down_and_a_state(run: Run, files: P
         (("--ring-down", "--gravity-angle", "nan"), "--gravity-angle nan: should be an angle in degrees, such as 90"),
         (("--ring-down", "--rate", "100"), "--rate needs the column frame"),
         (("--ring-down", "--released", "1.17"), "only 3 frames follow the release"),
+        (
+            ("--ring-down", "--every", "7"),
+            "--every, --average, --dark and --flat: are only for states (load steps at rest)",
+        ),
         (("--ring-down", "--row-time", "1e-5"), "--row-time and --exposure: are only for a video"),
         ((), "--states is missing; give states.csv or, for a motion, --ring-down or --creep"),
     ],

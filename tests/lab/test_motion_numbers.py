@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from eimi_fitting.beam.strip import Strip
 from eimi_fitting.time.measured import Motion
 from eimi_lab.config.csv_tables import Column, Row
 from eimi_lab.config.specimen import load_specimen
@@ -42,6 +43,7 @@ from eimi_lab.dataset.tracked.axes import Placing
 from eimi_lab.dataset.tracked.tracks import Tracks
 from eimi_lab.fits import tensile_files
 from eimi_lab.process.errors import InputError
+from eimi_lab.vision.beam_frame import BeamFrame
 
 Array = NDArray[np.float64]
 NAN = math.nan
@@ -647,6 +649,21 @@ def test_clicks_that_do_not_follow_a_beam_are_refused() -> None:
     assert calibration_of([(0.0, 0.0), (40.0, 0.0)]).pixels_per_mm == pytest.approx(4 / 3)
     assert calibration_of([(0.0, 0.0), (76.0, 0.0), (52.0, 0.0)]).pixels_per_mm == pytest.approx(10 / 3)
     assert len(calibration_of([(40.0 * k, 0.0) for k in range(6)]).picture.along_px) == 6
+
+
+def test_the_bow_of_an_unloaded_beam_does_not_turn_its_axis(tmp_path: Path) -> None:
+    bow = [[x, round(x**2 / 300.0, 4)] for x in np.linspace(0, 30, 7).tolist()]
+    file = tmp_path / "bowed.toml"
+    file.write_text(SPECIMEN.text.replace("length_mm = 30.0", f"rest_shape = {bow}\nlength_mm = 30.0", 1))
+    bowed, along = load_specimen(file), np.linspace(1.0, 30.0, 20)
+    clicked = calibration_of([(50.0, 60.0), (350.0, 60.0)])
+    centre = np.column_stack([along, np.zeros(20)])
+    bow_px = filmed_motion._bow_px(clicked, bowed, along)
+    at_rest = BeamFrame(clicked).to_px(Strip(bowed.mechanics()).at_rest(centre))
+    assert np.abs(bow_px[-1]).max() > 20.0
+    np.testing.assert_allclose(at_rest - bow_px, BeamFrame(clicked).to_px(centre), atol=1e-9)
+    assert with_measured_axis(clicked, at_rest - bow_px, along, False).axis_angle_deg == pytest.approx(0.0, abs=1e-6)
+    assert not filmed_motion._bow_px(clicked, SPECIMEN, along).any()
 
 
 @pytest.mark.parametrize(("tip_px", "has_tip_load"), [(0.0, False), (0.0, True), (25.0, True)])

@@ -146,7 +146,7 @@ def test_positions_that_a_new_calibration_does_not_contain_keep_their_values(
 
 
 def test_motions_measured_with_the_former_calibration_are_removed(
-    dataset: Path, capsys: pytest.CaptureFixture[str]
+    dataset: Path, files: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     rest_mm = np.array([[5.0, 0.0], [10.0, 0.0]])
     creep = Motion(
@@ -160,6 +160,9 @@ def test_motions_measured_with_the_former_calibration_are_removed(
         specimen = opened.specimen
     add_motions(dataset, [creep], specimen)
     restate(dataset, changes={"pixels_per_mm": 8.0})  # no change
+    restate(dataset, specimen=str(changed(files / "specimen.toml", "density_kg_m3", 1081.0)))  # points stay in place
+    with open_dataset(dataset) as opened:
+        assert (opened.specimen.specimen.density_kg_m3, len(opened.creeps())) == (1081.0, 1)
     assert not capsys.readouterr().err
     restate(dataset, changes={"pixels_per_mm": 8.4})
     assert "run.h5: the imported creep is older than this correction and was removed" in capsys.readouterr().err

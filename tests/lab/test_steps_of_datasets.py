@@ -68,7 +68,11 @@ def test_a_dataset_is_segmented_under_its_lock_and_written_after_it_is_closed(mo
         calls.append(f"end of {name}")
 
     dataset: Any = SimpleNamespace(
-        kind="frames", specimen=SPECIMEN, refuse_without_state=lambda: calls.append("check the states")
+        kind="frames",
+        specimen=SPECIMEN,
+        recorded_ring_downs=lambda: ["step"],
+        states=[],
+        refuse_without_state=lambda: calls.append("check the states"),
     )
     frames = Noted(calls, "frames", projection=lambda: "projection")
     monkeypatch.setattr(segmentation, "only_writer", lambda path: context(f"lock {path}", None))
@@ -87,7 +91,7 @@ def test_a_dataset_is_segmented_under_its_lock_and_written_after_it_is_closed(mo
         ("find", frames, "projection", "report", "executor"),
         ("motions", dataset, "edges", "projection", "report"),
         "end of open run.h5",
-        ("write", PATH, "edges", "projection", "moved", 30.0),
+        ("write", PATH, "edges", "projection", "moved", 30.0, ("ring_down",)),
         "end of lock run.h5",
     ]
     dataset.kind = "points"
@@ -404,6 +408,9 @@ def test_stored_motions_of_a_kind_are_replaced() -> None:
         stored_motions.write_motions(file, "ring_down", exposed, 30.0)
         read = stored_motions.read_motions(file, "ring_down")
         assert [motion.exposure_s for motion in read] == [None, 0.004]
+        stored_motions.write_motions(file, "creep", [], 30.0)
+        assert stored_motions.read_motions(file, "creep") == ()
+        assert set(file) == {"ring_down_points"}
 
 
 # Edges in a file
@@ -431,6 +438,12 @@ def test_edges_are_stored_with_room_for_edges_motions_and_flags(monkeypatch: pyt
         ("write_motions", entry, "creep", [motions[0], motions[2]], 30.0),
         ("write_motions", entry, "ring_down", [motions[1]], 30.0),
         ("note", process, "projection", "{}", "application/json"),
+    ]
+    calls.clear()
+    stored_edges.write_edges(PATH, both, None, motions[1:2], 30.0, ("creep",))
+    assert [call for call in calls if call[0] == "write_motions"] == [
+        ("write_motions", entry, "creep", [], 30.0),
+        ("write_motions", entry, "ring_down", [motions[1]], 30.0),
     ]
     calls.clear()
     stored_edges.write_edges("run.h5", both)

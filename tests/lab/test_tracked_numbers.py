@@ -15,6 +15,9 @@ import h5py
 import numpy as np
 import pytest
 
+from eimi_fitting.beam.rest_shape import RestShape
+from eimi_fitting.beam.specimen import Specimen
+from eimi_fitting.beam.strip import Strip
 from eimi_lab.config.calibration import Calibration
 from eimi_lab.config.csv_tables import Row, read_table
 from eimi_lab.config.specimen import load_specimen
@@ -509,9 +512,9 @@ def placed_points(rest: Any, places: Any = None, times: Any = None) -> Any:
     return place(given, Placing(**options), "t")
 
 
-def beam(length_mm: float = 50.0, width_mm: float = 5.0) -> Any:
-    sizes = type("Sizes", (), {"length_mm": length_mm, "width_mm": width_mm})
-    return type("File", (), {"specimen": sizes})
+def beam(length_mm: float = 50.0, width_mm: float = 5.0, rest_shape: RestShape | None = None) -> Any:
+    sizes = Specimen(length_mm, width_mm, 5.0, 1070.0, "plane-stress", rest_shape=rest_shape)
+    return type("File", (), {"specimen": sizes, "mechanics": staticmethod(lambda: sizes)})
 
 
 def test_points_up_to_2_percent_of_the_width_beside_the_beam_are_on_it(capsys: pytest.CaptureFixture[str]) -> None:
@@ -523,6 +526,15 @@ def test_points_up_to_2_percent_of_the_width_beside_the_beam_are_on_it(capsys: p
     wide = tracked_states.points_on_beam(placed_points(rest), [0], beam(), Path("t"), 0.2)
     assert wide.tolist() == list(range(9))
     assert capsys.readouterr().err == ""
+
+
+def test_points_on_the_centre_line_of_a_bowed_beam_are_on_it() -> None:
+    bowed = beam(rest_shape=RestShape(turns=((0.0, 0.0), (1.0, 0.4))))
+    centre = Strip(bowed.specimen).at_rest(np.array([[10.0, 0.0], [30.0, 0.0], [50.0, 0.0]]))
+    assert centre[2, 1] > 5.0
+    assert tracked_states.points_on_beam(placed_points(centre), [0], bowed, Path("t")).tolist() == [0, 1, 2]
+    straight = placed_points([[10.0, 0.0], [50.0, 0.0]])
+    assert tracked_states.points_on_beam(straight, [0], bowed, Path("t")).tolist() == [0]
 
 
 def test_a_point_must_be_seen_in_a_frame_that_is_used() -> None:

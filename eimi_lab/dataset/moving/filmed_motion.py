@@ -162,10 +162,17 @@ def read_video_motions(
         late = film.middle_px[-(count // _AT_THE_END + 1) :]
         with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # a point that was never seen
             rest_px = np.nanmedian(late, axis=0)
+        rest_px = rest_px - _bow_px(calibration, specimen, film.along_mm)
         calibration = with_measured_axis(calibration, rest_px, film.along_mm, facts.hanging_N > 0)
     points = points_of_film(film, calibration, specimen, frame_s, facts.row_time_s, row_direction(path))
     motions = free_motions(points.points_mm, points.rest_mm, points.time_s, points.sigma_mm, facts, str(path))
     return VideoMotions(motions, calibration)
+
+
+def _bow_px(calibration: Calibration, specimen: SpecimenFile, along_mm: Array) -> Array:
+    """Return how far p points of the unloaded beam are from those of a straight beam, px, shape (p, 2)."""
+    frame, straight = BeamFrame(calibration), np.column_stack([along_mm, np.zeros(len(along_mm))])
+    return np.asarray(frame.to_px(Strip(specimen.mechanics()).at_rest(straight)) - frame.to_px(straight))
 
 
 def frame_at_rest(path: Path) -> NDArray[Any]:

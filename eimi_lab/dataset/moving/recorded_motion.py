@@ -70,6 +70,14 @@ def recorded_motions(
     return tuple(motions)
 
 
+def recorded_kinds(dataset: Dataset) -> tuple[Kind, ...]:
+    """Return the kinds of motion of which a dataset contains frames: free oscillations, creep, both or none."""
+    kinds: list[Kind] = ["ring_down"] if dataset.recorded_ring_downs() else []
+    if any(dataset.creep_frames(state.index) is not None for state in dataset.states):
+        kinds.append("creep")
+    return tuple(kinds)
+
+
 def _followed(
     dataset: Dataset,
     frames: RecordedFrames,

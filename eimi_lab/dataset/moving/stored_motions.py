@@ -26,7 +26,7 @@ _ARRAYS = {"points": "mm", "time": "s", "sigma": "mm", "rest": "mm"}
 
 
 def write_motions(entry: h5py.Group, kind: Kind, motions: Sequence[Motion], length_mm: float) -> None:
-    """Store the free oscillations, or the creep, of a dataset, and replace stored motions of this kind.
+    """Store the free oscillations, or the creep, of a dataset, and remove the stored motions of this kind.
 
     Parameters
     ----------
@@ -35,12 +35,14 @@ def write_motions(entry: h5py.Group, kind: Kind, motions: Sequence[Motion], leng
     kind : {"ring_down", "creep"}
         Kind of all motions.
     motions : sequence of Motion
-        The motions in the order in which they were recorded.
+        The motions in the order in which they were recorded. Without motions, nothing is stored.
     length_mm : float
         Length of the beam, mm.
     """
     if GROUPS[kind] in entry:
         del entry[GROUPS[kind]]
+    if not motions:
+        return
     store = group(entry, GROUPS[kind], "NXcollection")
     for number, motion in enumerate(motions):
         _write(group(store, str(number), "NXdata"), motion, length_mm)

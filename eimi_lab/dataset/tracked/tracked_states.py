@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from eimi_fitting.beam.strip import Strip
 from eimi_lab.config.csv_tables import Row, read_table
 from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.dataset.layout import Header
@@ -20,6 +21,7 @@ from eimi_lab.vision.beam_frame import BeamFrame
 
 MOST_POINTS = 300  # largest number of points: errors of near points are correlated, and each point costs time in a fit
 _OFF_THE_BEAM = 0.02  # tolerance relative to the beam's width: a marker on the edge counts as on the beam
+_AT_ONCE = 10_000  # number of points whose nearest points of the beam are computed at once
 
 
 def import_tracks(
@@ -119,8 +121,10 @@ def points_on_beam(
     """
     beam, rest = specimen.specimen, placed.rest_mm
     margin = _OFF_THE_BEAM * beam.width_mm if margin_mm is None else margin_mm
-    along = (rest[:, 0] >= -margin) & (rest[:, 0] <= beam.length_mm + margin)
-    on_it = along & (np.abs(rest[:, 1]) <= beam.width_mm / 2 + margin)
+    nearest = Strip(specimen.mechanics()).nearest
+    parts = np.array_split(rest, len(rest) // _AT_ONCE + 1)
+    off_mm = np.concatenate([np.abs(part - nearest(part)).max(axis=1) for part in parts])
+    on_it = off_mm <= margin
     is_seen = np.isfinite(placed.places_mm[at]).all(axis=-1).any(axis=0)
     chosen = np.flatnonzero(on_it & is_seen)
     with_rest = np.flatnonzero(np.isfinite(rest).all(axis=1))
