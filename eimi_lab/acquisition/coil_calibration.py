@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_drivers.interfaces import InstrumentError, SensorReading
-from eimi_drivers.supplies.supply_names import is_bipolar, supply_driver
+from eimi_drivers.supplies.supply_names import is_bipolar
 from eimi_drivers.supplies.values import set_point_text
 from eimi_lab.acquisition.coil import Coil, never
 from eimi_lab.acquisition.events import OnEvent, Warned
@@ -85,8 +85,10 @@ def calibration_currents(rig: Rig, largest_A: float | None, steps: int) -> list[
             f"supply.limits.current_A = {limit:g}"
             + (f" and coil.continuous_current_A = {rig.coil.continuous_current_A:g}" if rig.coil else "")
         )
-    step = "0.000001" if rig.simulated else getattr(supply_driver(rig.supply.driver), "current_step_A", "0.000001")
-    up = [float(set_point_text(current, step)) for current in np.linspace(0.0, largest, steps)]
+    step = rig.current_step_A or "0.000001"
+    up = list(dict.fromkeys(float(set_point_text(current, step)) for current in np.linspace(0.0, largest, steps)))
+    if len(up) < 2:
+        raise InputError(f"--largest = {largest:g} should be at least {step} A, the step in which the supply sets it")
     currents = [*up, *up[-2::-1]]
     bipolar = not rig.simulated and is_bipolar(rig.supply.driver)
     return [*currents, *(-current for current in currents[1:])] if bipolar else currents

@@ -18,12 +18,15 @@ def refuse_between_steps(protocol: Protocol, supply: PowerSupply) -> None:
     step = getattr(supply, "current_step_A", None)
     if step is None:
         return
-    for state, current_A in enumerate(protocol.currents_A):
+    places = [(f"state {state}", current_A) for state, current_A in enumerate(protocol.currents_A)]
+    if protocol.ring_down:
+        places.append(("ring_down.from_A", protocol.ring_down_from_A))
+    for place, current_A in places:
         current = Decimal(repr(round(current_A, 9)))  # drivers round in the same way
-        if beyond := current % Decimal(step):
+        if beyond := current % Decimal(str(step)):
             lower = current - beyond
-            upper = lower + Decimal(step).copy_sign(current)
+            upper = lower + Decimal(str(step)).copy_sign(current)
             raise InputError(
-                f"protocol {protocol.name}: the current at state {state} is {current:f} A, but the supply sets its "
+                f"protocol {protocol.name}: the current at {place} is {current:f} A, but the supply sets its "
                 f"current in steps of {step} A; use {lower.normalize():f} or {upper.normalize():f} A"
             )

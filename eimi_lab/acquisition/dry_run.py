@@ -185,7 +185,9 @@ def dry_run(
         say(f"{clock.now():9.2f} s  {who} the leads of the coil")
 
     with TemporaryDirectory() as folder:
-        bench = Bench(supply, _BeamAtRest(clock), clock, relay=say_swapped)
+        # The steps of aim-tti depend on the model of the supply, which only a run can ask.
+        steps_known = rig.simulated or (language == driver and driver != "aim-tti")
+        bench = Bench(supply, _BeamAtRest(clock), clock, relay=say_swapped, steps_known=steps_known)
         without_interlocks = rig.model_copy(update={"interlocks": ()})  # interlocks concern the real coil
         acquire(protocol, specimen, without_interlocks, bench, Path(folder) / "dry_run.h5", say_stored)
     shortest = clock.now()

@@ -263,7 +263,7 @@ def _(event: OffConfirmed) -> str:
 @in_words.register
 def _(event: OffNotConfirmed) -> str:
     why = f"{_why(event.takeover, event.run_killed)}; " if event.takeover else ""
-    measured = "" if event.current_A is None else f": {event.current_A:.2f} A measured"
+    measured = "" if event.current_A is None else f": {event.current_A:.3f} A measured"
     words = f"{why}THE COIL MAY STILL BE ON{measured}, switch it off by hand"
     if event.trying_process is not None:
         words += f"; process {event.trying_process} continues to try to switch the coil off"

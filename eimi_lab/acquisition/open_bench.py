@@ -46,6 +46,8 @@ class Bench:
         Swaps the leads of the coil; None without a relay.
     sensors : tuple of OpenSensor
         The sensors.
+    steps_known : bool
+        Whether the supply sets its current in the same steps as the supply in the rig file; false for a stand-in.
     """
 
     supply: PowerSupply
@@ -58,6 +60,7 @@ class Bench:
     interruption: Interruption = field(default_factory=Interruption)
     relay: Callable[[], None] | None = None
     sensors: tuple[OpenSensor, ...] = ()
+    steps_known: bool = True
 
 
 @contextmanager

@@ -213,7 +213,13 @@ def acquire(
         sensing = Sensing(bench.sensors, clock, warn, beat)
         sensor_identities, sensors = sensing.begin()
         identities = (supply.identify(), camera.identify(), *sensor_identities)
-        refuse_between_steps(protocol, supply)
+        if bench.steps_known:
+            try:
+                refuse_between_steps(protocol, supply)
+            except InputError as error:
+                if not resume:
+                    raise
+                warn(f"{error}; the run is continued as it was begun, with currents rounded toward zero")
         if bench.guardian:
             bench.guardian.expect(identities[0])
         header = Header(

@@ -104,7 +104,7 @@ def read_table(path: Path, required: Iterable[str], optional: Iterable[str] = ()
         If the file cannot be read, or if the header or a row is wrong.
     """
     text = read_text(path).removeprefix("\ufeff").splitlines()
-    separator = _separator(next((line for line in text if line.strip()), ""))
+    separator = separator_of(text)
     lines = csv.reader(text, delimiter=separator)
     try:
         numbered = [(lines.line_num, [cell.strip() for cell in cells]) for cells in lines if any(cells)]
@@ -126,9 +126,9 @@ def read_table(path: Path, required: Iterable[str], optional: Iterable[str] = ()
     return rows
 
 
-def _separator(header: str) -> str:
-    """Return the most frequent of comma, semicolon and tab in the header of a table."""
-    return max(",;\t", key=header.count)
+def separator_of(lines: list[str]) -> str:
+    """Return the most frequent of comma, semicolon and tab in the header, the first line that is not empty."""
+    return max(",;\t", key=next((line for line in lines if line.strip()), "").count)
 
 
 def _check_header(path: Path, header: list[str], required: Iterable[str], optional: Iterable[str]) -> None:

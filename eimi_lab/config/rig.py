@@ -14,7 +14,7 @@ from eimi_drivers.emulators.coil_line import ADDRESS
 from eimi_drivers.installed import did_you_mean
 from eimi_drivers.interfaces import Limits
 from eimi_drivers.supplies.address import check_address
-from eimi_drivers.supplies.supply_names import SUPPLIES
+from eimi_drivers.supplies.supply_names import SUPPLIES, current_step_A
 from eimi_lab.config.calibration import Calibration, load_calibration
 from eimi_lab.config.interlock import READINGS, Interlock, check_readings
 from eimi_lab.config.materials import TrueMaterials, load_materials
@@ -27,6 +27,7 @@ from eimi_lab.process.errors import InputError
 from eimi_lab.process.paths import named_in
 
 VIRTUAL = "virtual"
+_VIRTUAL_SUPPLY = "korad"  # driver of the simulated supply
 PLAYER = "opencv"
 """Name of the driver that plays a folder of pictures or a video instead of a camera."""
 
@@ -278,6 +279,11 @@ class Rig(Document):
     def simulated(self) -> bool:
         """Whether the supply is simulated inside this program."""
         return self.supply.driver == VIRTUAL
+
+    @property
+    def current_step_A(self) -> str | None:
+        """The step in which the supply sets its current, A; None if its driver does not state a step."""
+        return current_step_A(_VIRTUAL_SUPPLY if self.simulated else self.supply.driver)
 
 
 def load_rig(name: str | Path) -> Rig:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from eimi_drivers.supplies.supply_names import is_bipolar, supply_driver
+from eimi_drivers.supplies.supply_names import is_bipolar
 from eimi_drivers.supplies.values import set_point_text
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.specimen import STANDARD_GRAVITY
@@ -296,7 +296,7 @@ def _currents(rig: Rig, protocol: Protocol) -> Array:
     bipolar = not rig.simulated and is_bipolar(rig.supply.driver)
     rounded = np.round(np.linspace(-limit if bipolar else 0.0, limit, _GRID), 3)
     # A run refuses currents between the steps of its supply.
-    step = None if rig.simulated else getattr(supply_driver(rig.supply.driver), "current_step_A", None)
+    step = rig.current_step_A
     possible = np.clip(rounded, -limit, limit)
     return np.unique(possible if step is None else [float(set_point_text(current, step)) for current in possible])
 

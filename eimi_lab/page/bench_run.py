@@ -224,6 +224,18 @@ class BenchRun:
         memory = new_memory()
         bell_read_end, bell = os.pipe()
         events_read_end, events = os.pipe()
+        try:
+            await self._start_with(memory, bell, bell_read_end, events)
+        except BaseException:
+            os.close(events_read_end)
+            raise
+        finally:
+            for descriptor in (memory, bell, events, bell_read_end):
+                os.close(descriptor)
+        for work in (self._hear(events_read_end), self._eyes.see()):
+            self._tasks.append(asyncio.create_task(work))
+
+    async def _start_with(self, memory: int, bell: int, bell_read_end: int, events: int) -> None:
         with handed_down(memory, bell, events) as (names, inherited):
             self._run = await asyncio.create_subprocess_exec(
                 *(sys.executable, "-P", "-m", "eimi_lab", *self.order.arguments()[:1]),
@@ -237,16 +249,11 @@ class BenchRun:
             self._signal(signal.SIGTERM)
         rig, specimen = self.order.rig, self.order.specimen
         await self._eyes.open(memory, bell_read_end, rig, specimen)
-        for descriptor in (memory, bell, events, bell_read_end):
-            os.close(descriptor)
-        for work in (self._hear(events_read_end), self._eyes.see()):
-            self._tasks.append(asyncio.create_task(work))
 
     def pause(self) -> None:
         """Ask the run to pause after the present load step."""
         if self.progress.phase == "running":
             self._type("p")
-            self._phase("pausing")
 
     def go_on(self) -> None:
         """Ask a paused run to continue."""
@@ -384,6 +391,8 @@ class BenchRun:
             case OffNotConfirmed():
                 self._last_off = event
                 self._coil("unknown", event)
+            case PauseRequested() if progress.phase == "running":  # not in the last state, after which nothing follows
+                progress.phase = "pausing"
             case Paused() if progress.phase == "pausing" or event.swap_leads:
                 progress.phase = "paused"
             case StateStored():

@@ -6,7 +6,6 @@ On the live web page, a person drags the marks of the calibration into place in 
 from __future__ import annotations
 
 import csv
-import io
 import math
 from functools import lru_cache
 from pathlib import Path
@@ -14,6 +13,7 @@ from typing import Any
 
 from eimi_drivers.cameras.image_series import natural_key
 from eimi_lab.config.calibration import Calibration, load_calibration
+from eimi_lab.config.csv_tables import separator_of
 from eimi_lab.config.specimen import load_specimen
 from eimi_lab.config.toml import check, read_text, to_toml
 from eimi_lab.dataset.importing import import_frames
@@ -34,6 +34,9 @@ EDITED = (
     *("field_angle_deg", "picture"),
 )
 """The keys of a calibration that the page can change."""
+
+OF_FIELDS = ("field_mT", "field_sigma_mT")
+"""Columns of states.csv that a table with currents must not have."""
 
 MOST_FOLDERS = 200
 WIDEST_PX = 1600
@@ -112,8 +115,13 @@ def _written_rows(file: Path) -> dict[str, dict[str, str]]:
     """Return the rows of states.csv by the name of the picture; a row is a cell for each column."""
     if not file.is_file():
         return {}
-    header, *lines = [*csv.reader(io.StringIO(read_text(file)))] or [[]]
-    rows = [dict(zip(header, cells, strict=False)) for cells in lines]
+    text = read_text(file).removeprefix("\ufeff").splitlines()
+    separator = separator_of(text)
+    lines = [[cell.strip() for cell in cells] for cells in csv.reader(text, delimiter=separator) if any(cells)]
+    header, *body = lines or [[]]
+    rows = [dict(zip(header, cells, strict=False)) for cells in body]
+    if separator != ",":  # then numbers may have a decimal comma
+        rows = [{key: cell if key == "frame" else cell.replace(",", ".") for key, cell in row.items()} for row in rows]
     return {row["frame"]: row for row in rows if row.get("frame")}
 
 
@@ -123,13 +131,14 @@ def _written_currents(file: Path) -> dict[str, str]:
 
 
 def _states_text(file: Path, currents: dict[str, str]) -> str:
-    """Return states.csv with these currents; the other columns keep their values."""
+    """Return states.csv with these currents in place of currents or fields; the other columns keep their values."""
     old = _written_rows(file)
     rows = [
         {**old.get(name, old.get(Path(name).stem, {})), "frame": name, "current_A": current}
         for name, current in currents.items()
     ]
-    columns = list(dict.fromkeys(column for row in [{"frame": "", "current_A": ""}, *rows] for column in row))
+    columns = [column for row in [{"frame": "", "current_A": ""}, *rows] for column in row]
+    columns = [column for column in dict.fromkeys(columns) if column not in OF_FIELDS]
     return csv_text([columns, *([row.get(column, "") for column in columns] for row in rows)])
 
 

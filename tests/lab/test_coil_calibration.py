@@ -126,6 +126,8 @@ def test_the_currents_of_a_calibration_go_up_and_back_and_then_the_other_way_on_
     bipolar = rig.model_copy(update={"supply": rig.supply.model_copy(update={"driver": "kepco-bop"})})
     assert calibration_currents(bipolar, 1.0, 3) == [0.0, 0.5, 1.0, 0.5, 0.0, -0.5, -1.0, -0.5, 0.0]
     assert calibration_currents(bipolar, 1.0, 4)[:4] == [0.0, 0.33, 0.66, 1.0]  # its step is 0.01 A
+    with pytest.raises(InputError, match=r"--largest = 0\.009 should be at least 0\.01 A, the step in which"):
+        calibration_currents(bipolar, 0.009, 3)
     for largest_A in (0.0, -0.5):
         with pytest.raises(InputError, match="should be above 0"):
             calibration_currents(rig, largest_A, 3)

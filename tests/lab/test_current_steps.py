@@ -8,12 +8,13 @@ from typing import Any
 import pytest
 
 from eimi_lab.acquisition.current_steps import refuse_between_steps
+from eimi_lab.acquisition.events import Event, StateStored, Warned
 from eimi_lab.config.protocol import Currents
 from eimi_lab.process.errors import InputError
 
 
 def protocol(*currents_A: float) -> Any:
-    return SimpleNamespace(name="p", currents_A=currents_A)
+    return SimpleNamespace(name="p", currents_A=currents_A, ring_down=None)
 
 
 def supply(step: str) -> Any:
@@ -48,3 +49,30 @@ def test_a_run_between_the_steps_of_its_supply_never_switches_the_coil_on(setup:
         setup.run()
     assert not any(message.startswith(b"OUT1") for message in setup.bench.supply._link.sent)
     assert not setup.path.exists()
+
+
+def test_a_run_that_an_earlier_version_began_between_the_steps_is_continued_with_a_warning(setup: Any) -> None:
+    class Stopped(Exception):
+        pass
+
+    def stop(event: Event) -> None:
+        if isinstance(event, StateStored) and event.state == 1:
+            raise Stopped
+
+    warnings: list[str] = []
+    with pytest.raises(Stopped):
+        setup.run(on_event=stop)
+    setup.bench.supply.current_step_A = "0.2"
+    setup.run(resume=True, on_event=lambda event: warnings.append(event.message) if isinstance(event, Warned) else None)
+    assert [words for words in warnings if "currents rounded toward zero" in words]
+    assert len(setup.stored()) == len(setup.protocol.currents_A)
+
+
+def test_a_ring_down_from_a_current_between_two_steps_is_refused() -> None:
+    swings: Any = SimpleNamespace(name="p", currents_A=(0.0, 0.1), ring_down=object(), ring_down_from_A=0.309)
+    with pytest.raises(InputError, match=r"at ring_down\.from_A is 0\.309 A, .*; use 0\.3 or 0\.31 A$"):
+        refuse_between_steps(swings, supply("0.01"))
+
+
+def test_a_step_may_be_a_number() -> None:
+    refuse_between_steps(protocol(0.31), SimpleNamespace(current_step_A=0.01))  # type: ignore[arg-type]

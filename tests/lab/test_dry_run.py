@@ -19,6 +19,7 @@ from eimi_lab.acquisition.heating import hottest
 from eimi_lab.config.interlock import Interlock
 from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.toml import parse
+from eimi_lab.process.errors import InputError
 
 
 def tell(setup: Any, driver: str, address: str) -> list[str]:
@@ -30,6 +31,15 @@ def tell(setup: Any, driver: str, address: str) -> list[str]:
 
 def messages(printed: list[str]) -> list[str]:
     return [line.split("> ")[1] for line in printed if " > " in line]
+
+
+def test_a_dry_run_accepts_the_finer_steps_of_some_aim_tti_supplies(setup: Any) -> None:
+    fine = {"values_A": (0.0, 0.125), "start_A": None, "stop_A": None, "step_A": None}
+    currents = setup.protocol.current.model_copy(update=fine)
+    setup.protocol = setup.protocol.model_copy(update={"current": currents})
+    assert any(line.startswith("duration") for line in tell(setup, "aim-tti", "TCPIP::192.168.0.5::9221::SOCKET"))
+    with pytest.raises(InputError, match=r"the current at state 1 is 0\.125 A, but the supply"):
+        tell(setup, "genesys", "TCPIP::192.168.0.5::8003::SOCKET")
 
 
 def test_a_dry_run_prints_exactly_the_messages_of_a_run(setup: Any) -> None:

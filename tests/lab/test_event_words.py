@@ -141,7 +141,7 @@ SWAP = "swap its two leads at the supply before state 1; Enter continues the run
         ),
         (
             OffNotConfirmed(by="run", reason="", current_A=0.4567, limit_A=0.01),
-            "THE COIL MAY STILL BE ON: 0.46 A measured, switch it off by hand",
+            "THE COIL MAY STILL BE ON: 0.457 A measured, switch it off by hand",
         ),
         (
             OffNotConfirmed(by="run", reason="silent", trying_process=7),

@@ -81,7 +81,7 @@ def test_a_shorted_regulator_at_the_end_of_a_protocol_is_reported_as_possibly_on
     assert not setup.coil.state.output
     assert not any(isinstance(event, OffConfirmed) for event in events)
     not_confirmed = next(event for event in events if isinstance(event, OffNotConfirmed))
-    assert in_words(not_confirmed).startswith("THE COIL MAY STILL BE ON: 0.30 A measured, switch it off by hand")
+    assert in_words(not_confirmed).startswith("THE COIL MAY STILL BE ON: 0.300 A measured, switch it off by hand")
 
 
 def test_a_run_does_not_begin_while_a_current_flows_with_the_output_off(setup: Any) -> None:

@@ -63,7 +63,7 @@ def test_a_coil_that_cannot_be_switched_off_is_told_with_its_current(
     error = SwitchOffFailed("no answer", 1.5, 2.5)
     failing(monkeypatch, error)
     assert cli._status() == 1
-    assert "1.50 A measured" in told[0]
+    assert "1.500 A measured" in told[0]
     assert "no answer" in told[0]
 
 

@@ -85,6 +85,22 @@ def is_bipolar(driver: str) -> bool:
     return bool(getattr(supply_driver(driver), "bipolar", False))
 
 
+def current_step_A(driver: str) -> str | None:
+    """Return the step in which the supplies of a driver set their current, A; None if the driver does not state it.
+
+    Some drivers know a finer step only after they have identified the supply.
+
+    Raises
+    ------
+    UnknownDriver
+        No driver has this name.
+    UnusableDriver
+        The driver cannot be imported or lacks a member.
+    """
+    step = getattr(supply_driver(driver), "current_step_A", None)
+    return str(step) if isinstance(step, str | float) else None
+
+
 def open_supply(
     driver: str,
     address: str,

@@ -189,7 +189,7 @@ def test_a_coil_whose_current_still_flows_is_never_reported_as_off(
     emulated_bench.coil.shorted_A = 0.8
     page.keyboard.press("Escape")
     page.get_by_text("stopping: switching the coil off").wait_for()
-    page.get_by_text("THE COIL MAY STILL BE ON: 0.80 A measured").first.wait_for()
+    page.get_by_text("THE COIL MAY STILL BE ON: 0.800 A measured").first.wait_for()
     page.get_by_text("COIL MAY BE ON").wait_for()
     page.locator("#values").get_by_text("0.8 A").wait_for()
     for words, whole in (("the coil is off", False), ("coil off", True)):

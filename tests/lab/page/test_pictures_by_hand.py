@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from eimi_lab.config.calibration import load_calibration
+from eimi_lab.config.csv_tables import read_table
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.page.by_hand import MOST_FOLDERS, dataset_of, edges, folders, opened, picture, saved
 from eimi_lab.page.data_folder import DataFolder
@@ -122,6 +123,23 @@ def test_other_columns_of_the_states_stay(own: Path) -> None:
     header, *rows = (own / "states.csv").read_text().splitlines()
     assert header == "frame,current_A,temperature_degC,tip_force_N"
     assert sorted(rows) == ["p_10.png,0.6,22,0.01", "p_11.png,0.7,,", "p_2.png,0.1,21.5,0"]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "frame,field_mT,field_sigma_mT\np_2.png,0,0.1\n",
+        "frame, current_A, temperature_degC\np_2.png, 0, 21.5\n",
+        "\ufeff\nframe;current_A;temperature_degC\np_2.png;0,5;21,5\n",
+    ],
+)
+def test_saved_states_can_be_imported(own: Path, text: str) -> None:
+    (own / "states.csv").write_text(text, encoding="utf-8")
+    saved(own, NUMBERS, {"p_2.png": "0.1", "p_10.png": "0.6"}, True)
+    rows = read_table(own / "states.csv", ["frame"], ["current_A", "temperature_degC"])
+    assert {row.cells["frame"]: row.number("current_A") for row in rows} == {"p_2.png": 0.1, "p_10.png": 0.6}
+    if "temperature" in text:
+        assert rows[0].number("temperature_degC") == 21.5
 
 
 @pytest.mark.parametrize("written", [False, True])

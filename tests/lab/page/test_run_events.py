@@ -205,3 +205,26 @@ def test_a_run_whose_process_cannot_be_started_has_ended(monkeypatch: pytest.Mon
 
     run = in_new_loop(begin())
     assert (run.going_on, run.progress.phase) == (False, "ended")
+
+
+def test_a_run_that_cannot_be_started_leaves_no_pipe_open(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused() -> Any:
+        raise BlockingIOError("no more processes")
+
+    made: list[int] = []
+
+    def pipe() -> tuple[int, int]:
+        made.extend(os.pipe())
+        return made[-2], made[-1]
+
+    async def begin() -> None:
+        starts_with(monkeypatch, refused)
+        monkeypatch.setattr(bench_run, "os", changed_module(os, pipe=pipe))
+        with pytest.raises(BlockingIOError):
+            await a_run(Path("nowhere")).begin()
+
+    in_new_loop(begin())
+    assert len(made) == 4
+    for descriptor in made:
+        with pytest.raises(OSError, match="Bad file descriptor"):
+            os.fstat(descriptor)
