@@ -163,6 +163,8 @@ def calibrate(
         share = board_error_percent / 100.0
         calibration, remarks = calibration_file.from_board(images, mid_plane or images[0], pattern, setup, share)
     elif specimen and not beam:
+        if not plumb_line:  # it measures the direction of gravity below
+            calibration_file.check_hangs(images[0], axis_angle, gravity)
         calibration, remarks = calibration_file.from_beam(images[0], load_specimen(specimen), setup, width_tolerance_mm)
     else:
         calibration, remarks = calibration_file.from_ruler(images[0], ruler_px or (0.0, 0.0, 0.0, 0.0), ruler_mm, setup)
@@ -172,6 +174,8 @@ def calibrate(
         remarks.append(f"middle of the clamp: x = {x:.2f}, y = {y:.2f} px")
     if plumb_line:
         calibration, more = calibration_file.with_measured_gravity(calibration, plumb_line, gravity)
+        if specimen and not beam:
+            calibration_file.check_hangs(images[0], calibration.axis_angle_deg, calibration.gravity_angle_deg)
         remarks += more
     write_calibration(calibration, output, force)
     if calibration.uncertainty:

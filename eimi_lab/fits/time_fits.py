@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from eimi_fitting.beam.strip import ImpossibleShape
 from eimi_fitting.inference.evidence.quantity import Quantity
 from eimi_fitting.inference.evidence.sources import StatedSource
 from eimi_fitting.laws import LAWS
@@ -101,6 +102,11 @@ def _identified(
         return identify_time(LAWS[model], shape, specimen, recorded, _stated(motions), static, seed=seed)
     except (NoRingDown, NoEquilibrium) as error:
         raise InputError(f"{paths}: --time prony: {error}") from error
+    except ImpossibleShape as error:
+        raise InputError(
+            f"{paths}: --time prony: an uncertainty of the specimen is too large, because no beam can have this error "
+            f"({error}); check rest_shape_mm and taper_mm in [uncertainty]"
+        ) from error
 
 
 def _stated(motions: Sequence[MotionEvidence]) -> tuple[StatedSource, ...]:

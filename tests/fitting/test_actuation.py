@@ -98,6 +98,7 @@ def test_a_new_load_identifies_a_material(section):
 
 
 def test_loads_with_a_new_kind_of_load_can_be_pickled():
+    assert len(Loads.along(0.0, gravity_angle_deg=90.0, pressure_Pa=[0.0, 1.0, 2.0])) == 3
     loads = Loads.along([0.0, 1.0], pressure_Pa=5.0).plus(TipMoment(np.array([0.0, 0.1])))
     back = pickle.loads(pickle.dumps(loads))
     assert back.state(1) == pytest.approx([0.0, 1e-3, 9.80665, 0.0, 0.0, 0.0, 5.0, 0.1])

@@ -23,7 +23,7 @@ from eimi_fitting.inference.doubts.marginal_likelihood import weigh
 from eimi_fitting.inference.doubts.possible_causes import Assumed, PossibleCause
 from eimi_fitting.inference.doubts.table_of_causes import POSSIBLE_CAUSES
 from eimi_fitting.inference.evidence.experiment import Experiment
-from eimi_fitting.inference.evidence.measurements import EdgeObservation
+from eimi_fitting.inference.evidence.measurements import EdgeObservation, PointObservation
 from eimi_fitting.inference.evidence.sources import StatedSource, loads_under, specimen_under
 from eimi_fitting.inference.evidence.unknowns import Setup
 from eimi_fitting.inference.fit import Fit
@@ -152,6 +152,24 @@ def test_a_distortion_about_a_displaced_lens_axis_is_exact_and_leaves_no_scale(s
 
 
 @pytest.mark.slow
+def test_a_cause_has_the_same_effect_on_the_modulus_with_and_without_a_stated_uncertainty():
+    # The pictures are 1 % too large.
+    strip = Specimen(30.0, 3.0, 10.0, 1070.0, section="plane-stress")
+    model = BeamModel(strip)
+    loads = Loads.along([0.0] * 4, 0.0, 0.0, [0.001, 0.002, 0.004, -0.003], tip_force_angle_deg=90.0)
+    rest = np.column_stack([np.linspace(6, 30, 9), np.zeros(9)])
+    true = model.positions(model.solve(LAWS["neo-hookean"], np.array([[46e3]]), loads), rest)[0]
+    moved = 1.01 * true + np.random.default_rng(1).normal(0, 0.05, true.shape)
+    observed = PointObservation(rest, moved, np.full((4, 9), 0.05))
+    shifts = []
+    for stated in ((), (StatedSource("scale", 0.006, "a scale"),)):
+        fit = identify("neo-hookean", [Experiment(model, loads, observed, stated=stated)], seed=1)
+        causes = {cause.name: cause.shift_percent for cause in fit.causes}
+        shifts.append([causes["scale"], causes["distance"]])
+    assert shifts[1] == pytest.approx(shifts[0], abs=0.1)
+    assert shifts[0][0] < -0.2
+
+
 def test_a_distortion_is_found_alone_although_a_picture_at_rest_shows_a_bulge_of_the_beam():
     centre = np.array([15.0, 5.0])
 

@@ -186,11 +186,17 @@ def test_without_an_equilibrium_or_an_effect_no_cause_is_weighed(monkeypatch: py
 class Inputs:
     # A replacement for the comparison of sets, in which the residuals show that an input differs.
 
-    blocks = ((1, 2), (3,))
+    blocks = ([1, 2], [3])
     hypotheses = ((), (1,))
 
-    def __init__(self, squares: float) -> None:
-        self.squares = squares
+    def __init__(self, squares: float, start: float = 0.0) -> None:
+        self.squares, self.start = squares, start
+
+    def starts(self, cause: int) -> np.ndarray:
+        return np.array([self.start])
+
+    def moved_by_unit(self) -> np.ndarray:
+        return np.array([0.0, 0.2, 0.1, -1.0])
 
     def rows_of_inputs(self, cause: int) -> list[int]:
         return [5] if cause == 1 else []
@@ -230,5 +236,8 @@ def test_an_input_deviates_if_the_residuals_favour_it_by_nine_to_one(squares: fl
         shift, width = found[0], found[1]
         assert (shift.probability, width.probability) == pytest.approx((0.3 * beyond[0], 0.6 * beyond[1]))
         assert (shift.value, width.value) == pytest.approx((-np.hypot(0.1, 0.12), -0.04))
-        assert (shift.moved, width.moved) == pytest.approx((0.02, -0.03))
+        # Without a measured error, the change counts from the fit. The width is -0.04 instead of -0.05.
+        assert (shift.moved, width.moved) == pytest.approx((0.03, -0.02 - 1.0 * 0.01))
+        measured = deviations(Inputs(squares, 0.1), posterior, 0)  # type: ignore[arg-type]
+        assert (measured[0].moved, measured[1].moved) == pytest.approx((0.02, -0.04))
         assert (shift.cause, shift.like, width.cause, width.like) == (0, (1,), 1, (0,))

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from eimi_fitting.beam.strip import ImpossibleShape
 from eimi_fitting.inference.evidence.quantity import Quantity
 from eimi_fitting.inference.evidence.sources import StatedSource
 from eimi_lab.fits import (
@@ -313,6 +314,16 @@ def test_the_parameter_of_a_ring_down_has_the_scale_of_its_law(monkeypatch: pyte
     ]
     with pytest.raises(InputError, match=r"^a\.h5, b\.h5: --model yeoh: a ring-down determines only one parameter; us"):
         time_fits.fit_motions("yeoh", motions, 4)
+
+
+def test_an_uncertainty_that_no_beam_can_have_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: Any, **__: Any) -> None:
+        raise ImpossibleShape("the centre line has a radius of 3.5 mm")
+
+    monkeypatch.setattr(time_fits, "identify_time", refuse)
+    motions: Any = [SimpleNamespace(path=Path("a.h5"), specimen=None, motions=(), stated=())]
+    with pytest.raises(InputError, match=r"^a\.h5: --time prony: an uncertainty .* radius of 3\.5 mm.*rest_shape_mm"):
+        time_fits._identified("yeoh", np.ones(3), motions, None, 1)
 
 
 def test_a_law_of_time_follows_from_the_datasets_of_its_fit(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -238,15 +238,8 @@ def from_beam(
     Raises
     ------
     InputError
-        If the beam cannot be measured, or if gravity acts across its axis and bends it.
+        If the beam cannot be measured.
     """
-    if abs(math.sin(math.radians(setup.gravity_angle_deg - setup.axis_angle_deg))) > LARGEST_ACROSS:
-        raise InputError(
-            f"{image}: the weight of the beam acts across its axis and bends the beam (--axis-angle "
-            f"{setup.axis_angle_deg:g}, gravity at {setup.gravity_angle_deg:g} degrees), so that its direction cannot "
-            "be measured; use --board or --ruler-px instead, or a picture of the hanging beam; if gravity has another "
-            "direction in the picture, give --gravity-angle"
-        )
     width = specimen.specimen.width_mm
     guess = setup.calibration(1.0, 0.0, {}, _day_of([image]))
     pixels = _image_with_clamp(image, setup.clamp_midpoint_px)
@@ -262,6 +255,17 @@ def from_beam(
     calibration = setup.calibration(pose.pixels_per_mm, turned, uncertainty, _day_of([image]))
     calibration = calibration.model_copy(update={"clamp_midpoint_px": pose.clamp_midpoint_px})
     return calibration, [_scale_quality(calibration, f"width_mm = {width:g} ± {tolerance_mm:g}")]
+
+
+def check_hangs(image: Path, axis_deg: float, gravity_deg: float) -> None:
+    """Raise InputError if the weight of the beam in an image acts across its axis and bends it."""
+    if abs(math.sin(math.radians(gravity_deg - axis_deg))) > LARGEST_ACROSS:
+        raise InputError(
+            f"{image}: the weight of the beam acts across its axis and bends the beam (axis at {axis_deg:.4g} degrees, "
+            f"gravity at {gravity_deg:.4g} degrees), so that its direction cannot be measured; use --board or "
+            "--ruler-px instead, or a picture of the hanging beam; if gravity has another direction in the picture, "
+            "give --gravity-angle"
+        )
 
 
 def from_ruler(

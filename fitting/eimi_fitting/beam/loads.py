@@ -98,10 +98,11 @@ class Loads:
         ValueError
             A tip force has no direction: neither its angle nor the angle of gravity is given.
         """
-        magnitude, force, angle = np.broadcast_arrays(
+        magnitude, force, angle, _ = np.broadcast_arrays(
             np.atleast_1d(np.asarray(field_mT, float)),
             np.asarray(tip_force_N, float),
             0.0 if tip_force_angle_deg is None else np.asarray(tip_force_angle_deg, float),
+            np.asarray(pressure_Pa, float),
         )
         down = np.zeros(2) if gravity_angle_deg is None else _direction(gravity_angle_deg)
         if tip_force_angle_deg is None:

@@ -22,7 +22,8 @@ Array = NDArray[np.float64]
 
 _FINE = 512  # intervals of the integration of the centre line; Simpson's error is below 1e-9 of the length
 _STEP = 0.1  # length of the ramp that stands for a step, as a share of the change of the width
-_ROOM = 0.4  # largest ramp, as a share of the distance to the next row: a narrow rib keeps both ramps and a flat top
+_ROOM = 0.4  # largest ramp, as a share of the distance to the next step: a narrow rib keeps both ramps and a flat top
+_TO_ROW = 0.9  # the same, as a share of the distance to the next row: the rows stay in order
 
 
 class ImpossibleShape(ValueError):
@@ -233,11 +234,14 @@ def _without_steps(rows: Rows, length_mm: float, magnet_mm: tuple[float, float])
         if other > share:
             continue
         ramp = _STEP * abs(after - before) / length_mm
+        steps = [at for (at, _), (end, _) in pairwise(rows) if end <= at]
         at_magnet = min(abs(share * length_mm - face) for face in magnet_mm) <= ramp * length_mm
         if (after > before) != at_magnet:
-            room = rows[i + 2][0] - share if i + 2 < len(rows) else np.inf
-            ramped[i + 1] = (share + min(ramp, _ROOM * room), after)
+            room = min((_ROOM * (at - share) for at in steps if at > share), default=np.inf)
+            to_row = rows[i + 2][0] - share if i + 2 < len(rows) else np.inf
+            ramped[i + 1] = (share + min(ramp, room, _TO_ROW * to_row), after)
         else:
-            room = share - rows[i - 1][0] if i > 0 else np.inf
-            ramped[i] = (share - min(ramp, _ROOM * room), before)
+            room = min((_ROOM * (share - at) for at in steps if at < share), default=np.inf)
+            to_row = share - rows[i - 1][0] if i > 0 else np.inf
+            ramped[i] = (share - min(ramp, room, _TO_ROW * to_row), before)
     return tuple(ramped)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_fitting.inference.evidence.sources import SOURCES
+from eimi_fitting.inference.evidence.unknowns import Setup
 from eimi_fitting.laws.prony import Prony
 from eimi_fitting.time.decay import Decay, RingMode
 from eimi_fitting.time.measured import Motion
@@ -244,25 +245,32 @@ class RestEvidence:
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
         """Return the change of the residual if an uncertain input, such as the width, changes by its uncertainty."""
         # ``sources``: the standard uncertainties of the inputs. The results are (components of the input, 1).
+        # The sag is measured from the stated shape at rest, so that an input that changes only this shape or the image
+        # changes the measured sag, too.
         beam = self.table.beam
-        stiffer, before, softer = self._sag(beam, np.array([_STEP, 1.0, 1 / _STEP]))
-        slope = (stiffer - softer) / (2 * np.log(_STEP))
+        stiffer, before, softer = self._places(beam, np.array([_STEP, 1.0, 1 / _STEP]))
+        slope = (stiffer - softer)[:, 1] / (2 * np.log(_STEP))
         effects = {}
         for key, sigma in sources.items():
-            change = np.zeros((len(SOURCES[key].parts), 1))
-            for part, changed in enumerate(beam.changed_by(key, sigma)):
-                moved = self._sag(changed, np.ones(1))[0] - before
+            parts = len(SOURCES[key].parts)
+            change = np.zeros((parts, 1))
+            for part, changed in enumerate(beam.changed_by(key, sigma) or (beam,) * parts):
+                image = Setup.of([(key, part, sigma)], 1)
+                moved = (image.imaged(self._places(changed, np.ones(1))[0]) - before)[:, 1]
                 change[part] = (moved @ slope) / (slope @ slope)
             effects[key] = change / self.sigma
         return effects
 
-    def _sag(self, beam: RingingBeam, factors: Array) -> Array:
-        """Return the computed sag of the measured points in mm, one row for each factor on the shear modulus."""
+    def _places(self, beam: RingingBeam, factors: Array) -> Array:
+        """Return the computed places (x, y) of the measured points in mm, for each factor on the shear modulus."""
         planar_Pa = self.modulus_Pa * self.table.planar_over_solid_modulus
-        sag, sound = _computed_sag(beam, planar_Pa * factors, self.rest_mm)
-        if not sound.all():
+        model, stated = beam.planar(), self.table.beam.planar().grid.strip
+        strip = model.grid.strip
+        rest = strip.nearest(strip.at_rest(stated.straightened(stated.nearest(self.rest_mm))))
+        shapes = model.solve(beam.law, beam.parameters(planar_Pa * factors), beam.loads)
+        if shapes.status[:, 0].any():
             raise NoEquilibrium(f"the specimen has no stable equilibrium at a shear modulus of {planar_Pa:.3g} Pa")
-        return sag
+        return model.positions(shapes, rest)[:, 0]
 
 
 def with_scatter(rings: Sequence[RingEvidence]) -> tuple[RingEvidence, ...]:

@@ -10,6 +10,8 @@ import pytest
 from eimi_fitting import LAWS, Loads, Specimen
 from eimi_fitting.beam.rest_shape import RestShape, centre_line
 from eimi_fitting.beam.strip import Strip
+from eimi_fitting.inference.evidence.sources import SOURCES
+from eimi_fitting.inference.evidence.unknowns import Setup
 from eimi_fitting.time.decay import Decay, RingMode
 from eimi_fitting.time.evidence import RestEvidence, Sag
 from eimi_fitting.time.measured import Motion
@@ -64,11 +66,40 @@ def test_an_uncertain_input_changes_the_modulus_at_rest_as_an_analysis_with_the_
     assert abs(expected) > 0.01
 
 
-def test_inputs_that_do_not_change_the_beam_have_no_effect_on_the_modulus_at_rest() -> None:
+def test_inputs_that_change_neither_sag_nor_picture_have_no_effect_on_the_modulus_at_rest() -> None:
     beam = beam_of(STRIP)
     rest = rest_of(beam, at_rest(beam, ON_AXIS_MM))
-    effects = rest.effects({"clamp": 0.1, "moment": 0.02})
-    assert {key: values.tolist() for key, values in effects.items()} == {"clamp": [[0.0], [0.0]], "moment": [[0.0]]}
+    effects = rest.effects({"clamp": 0.1, "moment": 0.02, "width": 0.0})
+    # The first component of the place of the clamp is a shift along the beam.
+    values = [effects["moment"][0, 0], effects["width"][0, 0], effects["clamp"][0, 0]]
+    assert values == pytest.approx([0.0] * 3, abs=1e-9)
+
+
+@pytest.mark.parametrize(("source", "part"), [("clamp", 1), ("axis", 0)])
+def test_an_error_of_the_picture_changes_the_modulus_at_rest(source: str, part: int) -> None:
+    sigma = 0.2
+    beam = beam_of(STRIP)
+    motion = at_rest(beam, ON_AXIS_MM)
+    rest = rest_of(beam, motion)
+    image = Setup.of([(source, part, sigma)], 1)
+    # The true places follow from those in the picture. The error of the picture has the opposite effect.
+    moved = replace(motion, points_mm=image.corrected(motion.points_mm)[0])
+    expected = np.log(rest_of(beam, moved).modulus_Pa / rest.modulus_Pa)
+    assert -rest.effects({source: sigma})[source][part, 0] * rest.sigma == pytest.approx(expected, rel=0.15)
+    assert abs(expected) > 0.005
+
+
+def test_an_uncertain_shape_at_rest_changes_the_modulus_as_an_analysis_with_the_other_shape_does() -> None:
+    beam = beam_of(STRIP)
+    motion = at_rest(beam, ON_AXIS_MM)
+    rest = rest_of(beam, motion)
+    other = beam.under({"rest-shape": np.array([1.0, *np.zeros(len(SOURCES["rest-shape"].parts) - 1)])})
+    # The points of a film count from the stated shape at rest.
+    from_other = replace(motion, rest_mm=Strip(other.specimen).at_rest(ON_AXIS_MM))
+    expected = np.log(rest_of(other, from_other).modulus_Pa / rest.modulus_Pa)
+    effect = rest.effects({"rest-shape": 1.0})["rest-shape"][0, 0]
+    assert -effect * rest.sigma == pytest.approx(expected, rel=0.2)
+    assert abs(expected) > 0.05
 
 
 def bowed(bow_mm: float) -> Specimen:

@@ -25,7 +25,7 @@ class Deviation:
     # Probability that the error is not negligible.
     probability: float
     value: float
-    # Change of the first unknown of the fit by the error, scaled to 0..1 between the bounds of the search.
+    # Change of the first unknown of the fit by a correction for the error, scaled to 0..1 between its bounds.
     moved: float
     # Indices of the errors with similar effects on the residuals.
     like: tuple[int, ...]
@@ -50,23 +50,31 @@ def deviations(weighing: Weighing, posterior: Posterior, base: int) -> dict[int,
             amplitudes = exact.posterior.means[1 + exact.causes.index(member), shown]
             if member == cause:
                 amplitudes = weighing.as_cause(rows, posterior.means[base, rows], cause)
-            one = _deviation(weighing, exact, member, amplitudes, group)
+            # Without other errors, a correction moves the first unknown from its fitted value.
+            is_moved = bool(weighing.hypotheses[base]) or weighing.starts(member).any()
+            before = float(exact.posterior.means[0, 0]) if is_moved else 0.0
+            one = _deviation(weighing, exact, member, amplitudes, group, before)
             if member not in recognised or recognised[member].probability < one.probability:
                 recognised[member] = one
     return recognised
 
 
-def _deviation(weighing: Weighing, exact: Exact, cause: int, amplitudes: Array, group: tuple[int, ...]) -> Deviation:
+def _deviation(
+    weighing: Weighing, exact: Exact, cause: int, amplitudes: Array, group: tuple[int, ...], before: float
+) -> Deviation:
+    # ``before``: the first unknown of the fit before a correction for this error, relative to its fitted value.
     row, shown = 1 + exact.causes.index(cause), weighing.blocks[cause][: weighing.shown(cause)]
     in_sizes = amplitudes / weighing.scale(shown)
     largest = int(np.argmax(np.abs(in_sizes)))
     mean = exact.posterior.means[row, shown[largest]] / weighing.scale(shown)[largest]
     spread = np.sqrt(max(exact.posterior.squares[row, shown[largest]] - mean**2, 1e-12))
     beyond = sum(NormalDist().cdf((sign * in_sizes[largest] - NEGLIGIBLE) / spread) for sign in (1, -1))
+    moved = float(exact.posterior.means[row, 0]) - before
+    moved += float(weighing.moved_by_unit()[shown] @ (amplitudes - exact.posterior.means[row, shown]))
     return Deviation(
         cause,
         float(exact.probability[row] * beyond),
         float(np.copysign(np.linalg.norm(amplitudes), amplitudes[np.argmax(np.abs(amplitudes))])),
-        float(exact.posterior.means[row, 0] - exact.posterior.means[0, 0]),
+        moved,
         tuple(other for other in group if other != cause),
     )
