@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from eimi_drivers.interfaces import SwitchOffFailed
 from eimi_lab.acquisition.coil import Coil, without_contact
 from eimi_lab.acquisition.conditioning import condition
 from eimi_lab.acquisition.current_steps import refuse_between_steps
@@ -48,6 +49,7 @@ from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.rig import Rig
 from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.dataset.layout import Header
+from eimi_lab.dataset.storage_failure import StorageFailed
 from eimi_lab.dataset.writing import DatasetWriter
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.stopping import Stopped
@@ -325,6 +327,14 @@ def _run_begun(
     )
 
 
+def _failed_to_switch_off(error: BaseException) -> SwitchOffFailed | None:
+    # Return the failure to switch the coil off that was followed by another error, if there is one.
+    before = error.__context__
+    while before is not None and not isinstance(before, SwitchOffFailed):
+        before = before.__context__
+    return before
+
+
 @contextmanager
 def _with_first_and_last_event(begun: RunBegun, ending: _Ending, on_event: OnEvent) -> Iterator[OnEvent]:
     """Send the first and the last event of a run, and yield a function that sends the events between them.
@@ -347,6 +357,9 @@ def _with_first_and_last_event(begun: RunBegun, ending: _Ending, on_event: OnEve
     except BaseException as error:
         send(Fault(kind=type(error).__name__, message=str(error)))
         send(ending.event("failed", type(error).__name__))
+        if isinstance(error, StorageFailed) and (still_on := _failed_to_switch_off(error)):
+            send(Warned(message=str(error)))
+            raise still_on from None  # that the coil may be on is more important than a full disk
         raise
     send(ending.event("completed"))
 

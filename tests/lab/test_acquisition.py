@@ -22,7 +22,7 @@ from eimi_drivers.interfaces import (
     SwitchOffFailed,
 )
 from eimi_lab.acquisition.dry_run import dry_run
-from eimi_lab.acquisition.events import Event, OffConfirmed
+from eimi_lab.acquisition.events import Event, OffConfirmed, Warned
 from eimi_lab.acquisition.live_view import Live
 from eimi_lab.acquisition.run import check_request
 from eimi_lab.config.protocol import Protocol
@@ -30,6 +30,8 @@ from eimi_lab.config.rig import CoilRating, load_rig
 from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.config.toml import parse
 from eimi_lab.dataset.reading import open_dataset
+from eimi_lab.dataset.storage_failure import StorageFailed
+from eimi_lab.dataset.writing import DatasetWriter
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.stopping import Stopped
 
@@ -267,6 +269,23 @@ def test_a_ramp_that_fails_is_followed_by_switching_off(setup: Any) -> None:
         setup.run()
     assert not setup.coil.state.output
     assert setup.stored() == [0.0, 0.1]
+
+
+def test_a_full_disk_does_not_hide_that_the_coil_may_be_on(setup: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: Any) -> None:
+        raise StorageFailed("run.h5: the disk is full")
+
+    def deaf(at: int) -> None:
+        if setup.coil.state.set_current_A == 0.2:
+            setup.line.inject(Fault.SILENCE, lambda message: message.startswith(b"ISET1"))
+            monkeypatch.setattr(DatasetWriter, "append_set_points", full)
+            raise InstrumentDisconnected("memory: unplugged")
+
+    warnings: list[str] = []
+    setup.camera.event = deaf
+    with pytest.raises(SwitchOffFailed, match=r"zero: failed"):
+        setup.run(on_event=lambda one: warnings.append(one.message) if isinstance(one, Warned) else None)
+    assert "run.h5: the disk is full" in warnings
 
 
 @pytest.mark.parametrize("error", [ZeroDivisionError("in a driver"), MemoryError(), KeyboardInterrupt()], ids=repr)
