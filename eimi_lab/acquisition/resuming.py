@@ -111,6 +111,8 @@ def take_up(path: Path, header: Header, image: NDArray[Any]) -> UnfinishedRun:
         crashed = not dataset.finished
     if crashed:
         recover(path, path, force=True)
+        with open_dataset(path) as dataset:  # damaged states and ring-downs were removed
+            begun = UnfinishedRun(len(dataset.states), _elapsed_s(dataset), dataset.stored_ring_downs)
     return begun
 
 

@@ -355,11 +355,14 @@ def _with_first_and_last_event(begun: RunBegun, ending: _Ending, on_event: OnEve
         send(ending.event("stopped", signal.Signals(stopped.number).name))
         raise
     except BaseException as error:
-        send(Fault(kind=type(error).__name__, message=str(error)))
-        send(ending.event("failed", type(error).__name__))
-        if isinstance(error, StorageFailed) and (still_on := _failed_to_switch_off(error)):
+        still_on = _failed_to_switch_off(error) if isinstance(error, StorageFailed) else None
+        if still_on:
             send(Warned(message=str(error)))
-            raise still_on from None  # that the coil may be on is more important than a full disk
+        reported = still_on or error  # that the coil may be on is more important than a full disk
+        send(Fault(kind=type(reported).__name__, message=str(reported)))
+        send(ending.event("failed", type(reported).__name__))
+        if still_on:
+            raise still_on from None
         raise
     send(ending.event("completed"))
 

@@ -164,7 +164,7 @@ def calibrate(
         calibration, remarks = calibration_file.from_board(images, mid_plane or images[0], pattern, setup, share)
     elif specimen and not beam:
         if not plumb_line:  # it measures the direction of gravity below
-            calibration_file.check_hangs(images[0], axis_angle, gravity)
+            calibration_file.check_hangs(images[0], axis_angle, gravity, is_measured=False)
         calibration, remarks = calibration_file.from_beam(images[0], load_specimen(specimen), setup, width_tolerance_mm)
     else:
         calibration, remarks = calibration_file.from_ruler(images[0], ruler_px or (0.0, 0.0, 0.0, 0.0), ruler_mm, setup)
@@ -175,7 +175,8 @@ def calibrate(
     if plumb_line:
         calibration, more = calibration_file.with_measured_gravity(calibration, plumb_line, gravity)
         if specimen and not beam:
-            calibration_file.check_hangs(images[0], calibration.axis_angle_deg, calibration.gravity_angle_deg)
+            axis, down = calibration.axis_angle_deg, calibration.gravity_angle_deg
+            calibration_file.check_hangs(images[0], axis, down, is_measured=True)
         remarks += more
     write_calibration(calibration, output, force)
     if calibration.uncertainty:

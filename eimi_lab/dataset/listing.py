@@ -125,7 +125,7 @@ def _listed_images(source: Path, rows: list[Row]) -> Listing:
     matched: dict[Path, ListedFrame] = {}
     missing: list[Row] = []
     for row in rows:
-        candidates = _named(row.text("frame"), images) or _image_at_path(row)
+        candidates = images_named(row.text("frame"), images) or _image_at_path(row)
         if not candidates:
             missing.append(row)
             continue
@@ -145,7 +145,8 @@ def _listed_images(source: Path, rows: list[Row]) -> Listing:
     return Listing(source, tuple(frames), tuple(image for image in images if followed(image) not in matched))
 
 
-def _named(name: str, images: list[Path]) -> list[Path]:
+def images_named(name: str, images: list[Path]) -> list[Path]:
+    """Return the images with this name, with or without its ending, or with this number at the end of their names."""
     candidates = [image for image in images if name in (image.name, image.stem)]
     if not candidates and name.isascii() and name.isdigit():
         candidates = [image for image in images if last_number(image.stem) == int(name)]

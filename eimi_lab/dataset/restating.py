@@ -64,8 +64,9 @@ def restate(
         _check_coil_constant(dataset, dataset.calibration, corrected, calibration)
         is_run = dataset.text("protocol") is not None
         imported = _imported_motions(dataset)
-        same_places = corrected.text == dataset.calibration.text and _shape(beam) == _shape(dataset.specimen)
+        same_shape = _shape(beam) == _shape(dataset.specimen)
     changed = {name: differences(before[name].text, after[name].text) for name in before}
+    same_places = same_shape and not changed["calibration"]
     if any(changed.values()):
         with rewritten(path, _LARGEST_TEXTS_BYTES) as entry:
             _replace(entry, {name: after[name] for name, lines in changed.items() if lines})

@@ -76,7 +76,7 @@ def load_of(row: Row, calibration: Calibration | None) -> Load:
     if has_current == has_field and (has_current or not only_weights):
         wrong = "both current_A and field_mT" if has_current else "neither current_A nor field_mT"
         raise InputError(f"{row.path}: row 1: has {wrong}; give one of these columns")
-    force = row.number("tip_force_N") if "tip_force_N" in row.cells else 0.0
+    force = row.number("tip_force_N") if row.cells.get("tip_force_N") else 0.0
     angle = row.number("tip_force_angle_deg") if row.cells.get("tip_force_angle_deg") else None
     sigma = row.number("field_sigma_mT") if row.cells.get("field_sigma_mT") else None
     temperature = row.number("temperature_degC") if row.cells.get("temperature_degC") else None

@@ -5,7 +5,6 @@ On the live web page, a person drags the marks of the calibration into place in 
 
 from __future__ import annotations
 
-import csv
 import math
 from functools import lru_cache
 from pathlib import Path
@@ -13,22 +12,21 @@ from typing import Any
 
 from eimi_drivers.cameras.image_series import natural_key
 from eimi_lab.config.calibration import Calibration, load_calibration
-from eimi_lab.config.csv_tables import separator_of
 from eimi_lab.config.specimen import load_specimen
-from eimi_lab.config.toml import check, read_text, to_toml
+from eimi_lab.config.toml import check, to_toml
 from eimi_lab.dataset.importing import import_frames
 from eimi_lab.page.data_folder import DataFolder
 from eimi_lab.page.eye import edges_in
 from eimi_lab.page.stored_runs import jpeg
+from eimi_lab.page.written_states import STATES, states_text, written_states
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.outputs import refuse_existing, write_file
 from eimi_lab.process.paths import followed
-from eimi_lab.showing.tables import csv_text
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.edges.region import region_of
 from eimi_lab.vision.image_files import ENDINGS, find_images, read_image
 
-CALIBRATION, STATES = "calibration.toml", "states.csv"
+CALIBRATION = "calibration.toml"
 EDITED = (
     *("pixels_per_mm", "coil_constant_mT_per_A", "clamp_midpoint_px", "axis_angle_deg", "gravity_angle_deg"),
     *("field_angle_deg", "picture"),
@@ -72,10 +70,11 @@ def opened(path: Path) -> dict[str, Any]:
     """
     images = _in_order(path)
     height, width = read_image(images[0]).shape[:2]
+    rows = written_states(path)
     return {
         "pictures": [image.name for image in images],
         "size_px": [width, height],
-        "currents": _written_currents(path / STATES),
+        "currents": {name: row["current_A"] for name, row in rows.items() if row.get("current_A")},
         "calibration": _written_calibration(path / CALIBRATION) or _guess(width, height),
         "written": [name for name in (CALIBRATION, STATES) if (path / name).exists()],
     }
@@ -109,37 +108,6 @@ def _stated(folder: Path, changes: dict[str, Any]) -> Calibration:
     file = folder / CALIBRATION
     edited = {key: value for key, value in changes.items() if key in EDITED}
     return load_calibration(file, edited) if file.is_file() else check(Calibration, edited, "", "calibration")
-
-
-def _written_rows(file: Path) -> dict[str, dict[str, str]]:
-    """Return the rows of states.csv by the name of the picture; a row is a cell for each column."""
-    if not file.is_file():
-        return {}
-    text = read_text(file).removeprefix("\ufeff").splitlines()
-    separator = separator_of(text)
-    lines = [[cell.strip() for cell in cells] for cells in csv.reader(text, delimiter=separator) if any(cells)]
-    header, *body = lines or [[]]
-    rows = [dict(zip(header, cells, strict=False)) for cells in body]
-    if separator != ",":  # then numbers may have a decimal comma
-        rows = [{key: cell if key == "frame" else cell.replace(",", ".") for key, cell in row.items()} for row in rows]
-    return {row["frame"]: row for row in rows if row.get("frame")}
-
-
-def _written_currents(file: Path) -> dict[str, str]:
-    rows = _written_rows(file)
-    return {name: row["current_A"] for name, row in rows.items() if row.get("current_A")}
-
-
-def _states_text(file: Path, currents: dict[str, str]) -> str:
-    """Return states.csv with these currents in place of currents or fields; the other columns keep their values."""
-    old = _written_rows(file)
-    rows = [
-        {**old.get(name, old.get(Path(name).stem, {})), "frame": name, "current_A": current}
-        for name, current in currents.items()
-    ]
-    columns = [column for row in [{"frame": "", "current_A": ""}, *rows] for column in row]
-    columns = [column for column in dict.fromkeys(columns) if column not in OF_FIELDS]
-    return csv_text([columns, *([row.get(column, "") for column in columns] for row in rows)])
 
 
 def picture(path: Path) -> bytes:
@@ -222,7 +190,7 @@ def saved(path: Path, calibration: dict[str, Any], currents: dict[str, Any], rep
         raise InputError(f"{path.name}: no picture has a current; enter the current of at least one picture")
     for name in (CALIBRATION, STATES):
         refuse_existing(path / name, replace)
-    texts = {CALIBRATION: to_toml(new_calibration), STATES: _states_text(path / STATES, typed)}
+    texts = {CALIBRATION: to_toml(new_calibration), STATES: states_text(path, "current_A", typed, OF_FIELDS)}
     for name, text in texts.items():
         write_file(path / name, text, replace)
     return {"written": list(texts), "states": len(typed)}

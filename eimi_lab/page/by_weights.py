@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from datetime import UTC, date, datetime
 from functools import lru_cache
 from pathlib import Path
@@ -19,18 +18,18 @@ from eimi_lab.config.toml import check, parse, parse_table, read_text
 from eimi_lab.dataset.importing import import_frames
 from eimi_lab.page.eye import edges_in
 from eimi_lab.page.stored_runs import jpeg
+from eimi_lab.page.written_states import STATES, states_text, written_states
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.outputs import refuse_existing, write_file
 from eimi_lab.process.replacing import remove
 from eimi_lab.process.replacing import replace as move
-from eimi_lab.showing.tables import csv_text
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.calibration.clicked_bench import ClickedBench, MeasuredBench, measure_bench
 from eimi_lab.vision.calibration.exif_lens import focal_length
 from eimi_lab.vision.edges.region import region_of
 from eimi_lab.vision.image_files import ENDINGS, read_image
 
-SPECIMEN, CALIBRATION, STATES = "specimen.toml", "calibration.toml", "states.csv"
+SPECIMEN, CALIBRATION = "specimen.toml", "calibration.toml"
 N_PER_GRAM = 9.80665e-3
 """Weight of a mass of 1 g at standard gravity (ISO 80000-4), N."""
 
@@ -69,7 +68,7 @@ def opened(path: Path) -> dict[str, Any]:
         "size_px": size,
         "lens": lens.source if lens else "",
         "beam": _written_beam(path / SPECIMEN),
-        "grams": _written_grams(path / STATES),
+        "grams": _written_grams(path),
         "written": [name for name in (SPECIMEN, CALIBRATION, STATES) if (path / name).exists()],
         "dataset": dataset_name(path),
     }
@@ -105,16 +104,11 @@ def _written_beam(file: Path) -> dict[str, str]:
     return {key: str(value) for key, value in values.items()}
 
 
-def _written_grams(file: Path) -> dict[str, str]:
-    if not file.is_file():
-        return {}
-    rows = csv.DictReader(io.StringIO(read_text(file)))
+def _written_grams(folder: Path) -> dict[str, str]:
     grams = {}
-    for row in rows:
-        try:
-            grams[row.get("frame") or ""] = f"{float(row.get('tip_force_N') or '') / N_PER_GRAM:.6g}"
-        except ValueError:  # the row contains no force
-            continue
+    for name, row in written_states(folder).items():
+        with suppress(ValueError):  # the row contains no force
+            grams[name] = f"{float(row.get('tip_force_N', '')) / N_PER_GRAM:.6g}"
     return grams
 
 
@@ -323,11 +317,11 @@ def saved(
             f"{names[0]}: points along the beam were clicked on this picture; type also the weight on the beam, in "
             "grams"
         )
-    rows = [(name, f"{N_PER_GRAM * weight:.7g}") for name, weight in weighed]
+    forces_N = {name: f"{N_PER_GRAM * weight:.7g}" for name, weight in weighed}
     texts = {
         SPECIMEN: specimen_text,
         CALIBRATION: calibration.text,
-        STATES: csv_text([("frame", "tip_force_N"), *rows]),
+        STATES: states_text(folder, "tip_force_N", forces_N),
     }
     target = folder / dataset_name(folder)
     for name in (*texts, target.name):

@@ -189,7 +189,7 @@ def tensile_points(fits: Sequence[ShownFit], largest_strain: float) -> tuple[lis
             missing.append(f"The tensile test is not drawn: {path} has changed since it was fitted.")
             continue
         drawn = (test.strain >= 0) & (test.strain <= largest_strain)
-        if not drawn.any():
+        if not (drawn & (test.strain > 0)).any():
             missing.append(f"{path.name} is not drawn, because it has no strain in the range of the figure.")
             continue
         points.append(TensilePoints(path.name, test.strain[drawn], test.stress_Pa[drawn]))

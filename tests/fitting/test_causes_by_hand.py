@@ -187,6 +187,7 @@ class Inputs:
     # A replacement for the comparison of sets, in which the residuals show that an input differs.
 
     blocks = ([1, 2], [3])
+    has_several_inputs = False
     hypotheses = ((), (1,))
 
     def __init__(self, squares: float, start: float = 0.0) -> None:

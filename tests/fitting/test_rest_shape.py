@@ -154,8 +154,10 @@ def test_the_steps_of_a_narrow_rib_do_not_cross(rib_mm):
     assert strip.width_mm(along) == pytest.approx([2.0, 7.0, 12.0, 7.0, 2.0])
 
 
-def test_a_small_taper_keeps_the_ramp_of_a_step():
-    shape = RestShape(widths=((0.0, 4.0), (0.454, 4.0), (0.454, 0.0), (1.0, 0.0)))
+@pytest.mark.parametrize(("at", "step_mm"), [(0.454, 4.0), (0.5151, 4.0), (0.5151, 8.0), (0.5151, -8.0)])
+def test_a_small_taper_keeps_the_ramp_of_a_step(at, step_mm):
+    more = (step_mm, 0.0) if step_mm > 0 else (0.0, -step_mm)
+    shape = RestShape(widths=((0.0, more[0]), (at, more[0]), (at, more[1]), (1.0, more[1])))
     stepped = Specimen(40.0, 3.0, 5.0, 1070.0, section="plane-stress", rest_shape=shape)
     along = np.linspace(0, 40, 4001)
     change = Strip(with_modes(stepped, (), [0.005])).width_mm(along) - Strip(stepped).width_mm(along)

@@ -22,7 +22,7 @@ from eimi_drivers.interfaces import (
     SwitchOffFailed,
 )
 from eimi_lab.acquisition.dry_run import dry_run
-from eimi_lab.acquisition.events import Event, OffConfirmed, Warned
+from eimi_lab.acquisition.events import Event, OffConfirmed, RunEnded, Warned
 from eimi_lab.acquisition.live_view import Live
 from eimi_lab.acquisition.run import check_request
 from eimi_lab.config.protocol import Protocol
@@ -281,11 +281,13 @@ def test_a_full_disk_does_not_hide_that_the_coil_may_be_on(setup: Any, monkeypat
             monkeypatch.setattr(DatasetWriter, "append_set_points", full)
             raise InstrumentDisconnected("memory: unplugged")
 
-    warnings: list[str] = []
+    events: list[Event] = []
     setup.camera.event = deaf
     with pytest.raises(SwitchOffFailed, match=r"zero: failed"):
-        setup.run(on_event=lambda one: warnings.append(one.message) if isinstance(one, Warned) else None)
-    assert "run.h5: the disk is full" in warnings
+        setup.run(on_event=events.append)
+    assert "run.h5: the disk is full" in [event.message for event in events if isinstance(event, Warned)]
+    assert isinstance(events[-1], RunEnded)
+    assert events[-1].reason == "SwitchOffFailed"
 
 
 @pytest.mark.parametrize("error", [ZeroDivisionError("in a driver"), MemoryError(), KeyboardInterrupt()], ids=repr)

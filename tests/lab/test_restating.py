@@ -160,7 +160,10 @@ def test_motions_measured_with_the_former_calibration_are_removed(
         specimen = opened.specimen
     add_motions(dataset, [creep], specimen)
     restate(dataset, changes={"pixels_per_mm": 8.0})  # no change
-    restate(dataset, specimen=str(changed(files / "specimen.toml", "density_kg_m3", 1081.0)))  # points stay in place
+    # The points stay in place: the density has another value, and the calibration only a comment more.
+    (files / "commented.toml").write_text("# May\n" + (files / "calibration.toml").read_text())
+    denser = str(changed(files / "specimen.toml", "density_kg_m3", 1081.0))
+    restate(dataset, specimen=denser, calibration=files / "commented.toml")
     with open_dataset(dataset) as opened:
         assert (opened.specimen.specimen.density_kg_m3, len(opened.creeps())) == (1081.0, 1)
     assert not capsys.readouterr().err

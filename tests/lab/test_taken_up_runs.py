@@ -102,11 +102,17 @@ def test_a_run_is_taken_up_after_its_stored_states_and_repaired_after_a_crash(
     monkeypatch.setattr(resuming, "open_dataset", lambda given: Stored(finished=finished))
     monkeypatch.setattr(resuming, "identity_text", lambda name: {"A": "supply A", "B": "camera B"}[name])
     monkeypatch.setattr(resuming, "_elapsed_s", lambda dataset: 12.5)
-    monkeypatch.setattr(resuming, "recover", noted(calls, "recover"))
+    left = 2  # ring-downs after the repair
+
+    def recover(*given: Any, **options: Any) -> None:
+        noted(calls, "recover")(*given, **options)
+        monkeypatch.setattr(resuming, "open_dataset", lambda given: Stored(finished=True, stored_ring_downs=left))
+
+    monkeypatch.setattr(resuming, "recover", recover)
     with pytest.raises(InputError, match=r"run\.h5: no such file to resume; leave out --resume to begin a run$"):
         resuming.take_up(path, header_of(), IMAGE)
     path.touch()
-    assert resuming.take_up(path, header_of(), IMAGE) == UnfinishedRun(3, 12.5)
+    assert resuming.take_up(path, header_of(), IMAGE) == UnfinishedRun(3, 12.5, 0 if finished else left)
     assert calls == [("recover", path, path, ("force", True))] * (not finished)
 
 

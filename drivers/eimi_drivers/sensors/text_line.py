@@ -20,6 +20,7 @@ QUIET_S = 0.2
 """Time (s) without a line after which a board counts as one that sends nothing without a query."""
 
 _UNIT = re.compile(r"[A-Za-z%/°]{1,12}")
+_READING = re.compile(r"[-+\d.eE]+(\s+[A-Za-z%/°]{1,12})?(\s+[-+\d.eE]+)?")
 
 
 class TextLine(SensorBase):
@@ -36,11 +37,15 @@ class TextLine(SensorBase):
         """Return the identity from the answer to ``*IDN?``, after the board has started.
 
         Raises AnotherSensor if the identity has changed since the driver was opened, and ReplyNotUnderstood if the
-        board sends lines without a query.
+        board sends readings instead of an identity, or several lines in a second without a query.
         """
         if self._bound is not None:
             return super().identify()
         identity = self._identity_after_start()
+        if _READING.fullmatch(identity.text):
+            self._bound = None
+            example = "an identity such as my lab,hall-board,1,1.0; a board must send nothing without a query"
+            raise self._not_understood("*IDN?", identity.text, example)
         if is_serial_port(self._link.address):
             self._refuse_unasked_text()
         return identity

@@ -121,9 +121,9 @@ def points_on_beam(
     """
     beam, rest = specimen.specimen, placed.rest_mm
     margin = _OFF_THE_BEAM * beam.width_mm if margin_mm is None else margin_mm
-    nearest = Strip(specimen.mechanics()).nearest
+    strip = Strip(specimen.mechanics())
     parts = np.array_split(rest, len(rest) // _AT_ONCE + 1)
-    off_mm = np.concatenate([np.abs(part - nearest(part)).max(axis=1) for part in parts])
+    off_mm = np.concatenate([np.abs(part - strip.nearest(part)).max(axis=1) for part in parts])
     on_it = off_mm <= margin
     is_seen = np.isfinite(placed.places_mm[at]).all(axis=-1).any(axis=0)
     chosen = np.flatnonzero(on_it & is_seen)
@@ -133,10 +133,11 @@ def points_on_beam(
         if len(with_rest):
             x, y = rest[with_rest[0]]
             where = f"the first point is at x = {x:.4g}, y = {y:.4g} mm"
+        shape = "" if strip.is_straight else ", before it takes its rest_shape or its tables of widths"
         raise InputError(
             f"{source}: none of the points ({len(rest)}) is on the beam at rest, which reaches from x = 0 to "
-            f"{beam.length_mm:g} mm and from y = {-beam.width_mm / 2:g} to {beam.width_mm / 2:g} mm; {where}; check "
-            "--clamp, --axis and --unit, or the calibration"
+            f"{beam.length_mm:g} mm and from y = {-beam.width_mm / 2:g} to {beam.width_mm / 2:g} mm{shape}; {where}; "
+            "check --clamp, --axis and --unit, or the calibration"
         )
     off = len(rest) - len(chosen)
     if off:

@@ -257,14 +257,17 @@ def from_beam(
     return calibration, [_scale_quality(calibration, f"width_mm = {width:g} ± {tolerance_mm:g}")]
 
 
-def check_hangs(image: Path, axis_deg: float, gravity_deg: float) -> None:
-    """Raise InputError if the weight of the beam in an image acts across its axis and bends it."""
+def check_hangs(image: Path, axis_deg: float, gravity_deg: float, is_measured: bool) -> None:
+    """Raise InputError if the weight of the beam in an image acts across its axis and bends it.
+
+    `is_measured` tells whether the direction of gravity was measured, and not assumed or stated.
+    """
+    remedy = "" if is_measured else "; if gravity has another direction in the picture, give --gravity-angle"
     if abs(math.sin(math.radians(gravity_deg - axis_deg))) > LARGEST_ACROSS:
         raise InputError(
             f"{image}: the weight of the beam acts across its axis and bends the beam (axis at {axis_deg:.4g} degrees, "
             f"gravity at {gravity_deg:.4g} degrees), so that its direction cannot be measured; use --board or "
-            "--ruler-px instead, or a picture of the hanging beam; if gravity has another direction in the picture, "
-            "give --gravity-angle"
+            f"--ruler-px instead, or a picture of the hanging beam{remedy}"
         )
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.polynomial import Legendre
@@ -21,6 +22,7 @@ Array = NDArray[np.float64]
 BENDS, WIDTHS = 3, 2  # numbers of modes
 TAPER, WAIST = 2.0, 1.5  # change of the width from the clamp to the end by P_1, and from the middle to the ends by P_2
 _STATIONS = 17  # rows of a table that holds modes; its spline reproduces their cubics exactly
+_STEEP = 0.12  # least distance of a new row from a step of the width, divided by the step: beyond its ramp in `strip`
 
 
 def with_modes(
@@ -45,20 +47,26 @@ def with_modes(
     if any(bends_mm):
         more = replace(more, turns=_added(shape.turns, share, turned, shape.angle_rad))
     if any(widths_mm):
-        more = replace(more, widths=_added(shape.widths, share, widened, lambda s: table_at(shape.widths, s)))
+        steep = _STEEP / specimen.length_mm
+        more = replace(more, widths=_added(shape.widths, share, widened, lambda s: table_at(shape.widths, s), steep))
     return replace(specimen, rest_shape=more)
 
 
-def _added(rows: Rows, share: float, mode: Callable[[Array], Array], value_at: Callable[[Array], Array]) -> Rows:
+def _added(
+    rows: Rows, share: float, mode: Callable[[Array], Array], value_at: Callable[[Array], Array], steep: float = 0.0
+) -> Rows:
     # Add a mode to the rows of a table of the rest shape.
     # ``rows``: the table, with a fraction of the beam's length and a value in each row. ``share``: length of the
     # flexible part divided by the length of the beam. ``value_at``: function that gives the value of the table at any
-    # fraction.
+    # fraction. ``steep``: least distance of a new row from a step, divided by the change of the value at the step.
     if rows:
         at, values = np.array(rows).T
         if len(at) < _STATIONS:
             inner = np.linspace(0, 1, _STATIONS)
             far = np.abs(inner[:, None] - at).min(axis=1) > 0.25 / _STATIONS
+            for (step, before), (end, after) in pairwise(rows):
+                if end <= step:
+                    far &= np.abs(inner - step) > steep * abs(after - before)
             at, values = np.concatenate([at, inner[far]]), np.concatenate([values, value_at(inner[far])])
             order = np.argsort(at, kind="stable")
             at, values = at[order], values[order]

@@ -178,6 +178,7 @@ class Strip:
             h = 1e-6 * self._length
             curvature = (self.angle_rad(s + h) - self.angle_rad(s - h)) / (2 * h)
             s = s + (gap * tangent).sum(axis=1) / np.maximum(1 - across * curvature, 0.1)
+            s = np.clip(s, -self._length, 2 * self._length)  # points far from the beam have no foot
         return s, across
 
     def _lines_across(self, s: Array) -> tuple[Array, Array]:

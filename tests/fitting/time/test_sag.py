@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 from eimi_fitting import LAWS, Loads, Specimen
 from eimi_fitting.beam.rest_shape import RestShape, centre_line
@@ -69,10 +70,25 @@ def test_an_uncertain_input_changes_the_modulus_at_rest_as_an_analysis_with_the_
 def test_inputs_that_change_neither_sag_nor_picture_have_no_effect_on_the_modulus_at_rest() -> None:
     beam = beam_of(STRIP)
     rest = rest_of(beam, at_rest(beam, ON_AXIS_MM))
-    effects = rest.effects({"clamp": 0.1, "moment": 0.02, "width": 0.0})
-    # The first component of the place of the clamp is a shift along the beam.
-    values = [effects["moment"][0, 0], effects["width"][0, 0], effects["clamp"][0, 0]]
-    assert values == pytest.approx([0.0] * 3, abs=1e-9)
+    effects = rest.effects({"moment": 0.02, "width": 0.0})
+    assert [effects["moment"][0, 0], effects["width"][0, 0]] == pytest.approx([0.0] * 2, abs=1e-9)
+
+
+@pytest.mark.parametrize(("source", "sigma"), [("scale", 0.03), ("clamp", 0.5)])
+def test_a_wrong_scale_or_a_shift_along_the_beam_shows_other_points_of_the_beam(source: str, sigma: float) -> None:
+    beam = beam_of(STRIP)
+    motion = at_rest(beam, ON_AXIS_MM)
+    rest = rest_of(beam, motion)
+    curve = CubicSpline([0.0, *ALONG_MM], np.vstack([[0.0, 0.0], motion.points_mm[0]]))
+    # The picture of an error is 3 % too large, or shifted by 0.5 mm along the beam.
+    if source == "scale":
+        places = (1 + sigma) * curve(ALONG_MM / (1 + sigma))
+    else:
+        places = curve(ALONG_MM - sigma) + np.array([sigma, 0.0])
+    film = replace(motion, points_mm=np.broadcast_to(places, motion.points_mm.shape))
+    expected = np.log(rest_of(beam, film).modulus_Pa / rest.modulus_Pa)
+    assert rest.effects({source: sigma})[source][0, 0] * rest.sigma == pytest.approx(expected, rel=0.1)
+    assert abs(expected) > 0.01
 
 
 @pytest.mark.parametrize(("source", "part"), [("clamp", 1), ("axis", 0)])

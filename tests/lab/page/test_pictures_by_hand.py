@@ -14,6 +14,7 @@ import pytest
 from eimi_lab.config.calibration import load_calibration
 from eimi_lab.config.csv_tables import read_table
 from eimi_lab.dataset.reading import open_dataset
+from eimi_lab.dataset.state_loads import LOAD_COLUMNS, load_of
 from eimi_lab.page.by_hand import MOST_FOLDERS, dataset_of, edges, folders, opened, picture, saved
 from eimi_lab.page.data_folder import DataFolder
 from eimi_lab.process.errors import InputError
@@ -140,6 +141,20 @@ def test_saved_states_can_be_imported(own: Path, text: str) -> None:
     assert {row.cells["frame"]: row.number("current_A") for row in rows} == {"p_2.png": 0.1, "p_10.png": 0.6}
     if "temperature" in text:
         assert rows[0].number("temperature_degC") == 21.5
+
+
+def test_rows_that_name_pictures_by_their_numbers_keep_their_other_columns(own: Path) -> None:
+    (own / "states.csv").write_text("frame,current_A,tip_force_N\n2,0,0.01\n10,0.5,0.02\n77,1,0.03\n")
+    assert opened(own)["currents"] == {"p_2.png": "0", "p_10.png": "0.5"}
+    saved(own, NUMBERS, {"p_2.png": "0", "p_11.png": "0.7"}, True)
+    assert (own / "states.csv").read_text().splitlines() == [
+        "frame,current_A,tip_force_N",
+        "p_2.png,0,0.01",
+        "p_11.png,0.7,",
+    ]
+    rows = read_table(own / "states.csv", ["frame"], LOAD_COLUMNS)
+    calibration = load_calibration(own / "calibration.toml")
+    assert [load_of(row, calibration).tip_force_N for row in rows] == [0.01, 0.0]
 
 
 @pytest.mark.parametrize("written", [False, True])

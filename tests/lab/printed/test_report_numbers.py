@@ -165,8 +165,9 @@ def test_the_report_s_stress_is_in_kilopascal_with_the_band_of_the_draws(fit: Fi
     assert (at_end.min(), at_end.max()) == pytest.approx(tuple(1e-3 * ends[:, 0]), rel=1e-2)
 
 
-def test_a_compression_test_is_named_but_not_drawn(tmp_path: Path, shown: Shown) -> None:
-    strain = np.linspace(-0.02, -0.5, 30)
+@pytest.mark.parametrize("first", [-0.02, 0.0])
+def test_a_compression_test_is_named_but_not_drawn(tmp_path: Path, shown: Shown, first: float) -> None:
+    strain = np.linspace(first, -0.5, 30)
     stress_Pa = engineering_stress(LAWS["neo-hookean"], np.array([46e3]), strain)
     rows = [f"{e},{s}" for e, s in zip(strain, stress_Pa, strict=True)]
     (tmp_path / "pressed.csv").write_text("\n".join(["strain,stress_Pa", *rows]) + "\n")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import NormalDist
 
 import numpy as np
@@ -54,6 +54,9 @@ def deviations(weighing: Weighing, posterior: Posterior, base: int) -> dict[int,
             is_moved = bool(weighing.hypotheses[base]) or weighing.starts(member).any()
             before = float(exact.posterior.means[0, 0]) if is_moved else 0.0
             one = _deviation(weighing, exact, member, amplitudes, group, before)
+            if not is_moved and weighing.has_several_inputs:
+                # The posterior also contains the effects of the other inputs; this is the effect of one input alone.
+                one = replace(one, moved=float(weighing.moved_in_fit(shown) @ amplitudes))
             if member not in recognised or recognised[member].probability < one.probability:
                 recognised[member] = one
     return recognised

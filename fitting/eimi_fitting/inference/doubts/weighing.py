@@ -181,6 +181,29 @@ class Weighing:
         moved = np.linalg.solve(weighted @ law.T + np.eye(self._law), weighted @ self._rows.T)[0]
         return np.asarray(-moved * self._scale[0] / self._scale)
 
+    @property
+    def has_several_inputs(self) -> bool:
+        """Whether several possible systematic errors are errors of inputs with a stated uncertainty."""
+        return len(self._inputs) > 1
+
+    def moved_in_fit(self, rows: Sequence[int]) -> Array:
+        """Return the change of the first unknown by a correction for one unit of some unknowns, without any prior."""
+        # The weights are those of the fit: every used distance counts equally.
+        used = [np.asarray(weight) > 0 for weight in self._about.in_error]
+        slopes = np.concatenate(
+            [
+                (slope * (weight[None, :, None] if weight.ndim < slope.ndim - 2 else weight)).reshape(self._law, -1)
+                for slope, weight in zip(self._about.slopes, used, strict=True)
+            ],
+            axis=1,
+        )
+        moved = []
+        for row in rows:
+            changes = zip(self._coefficients.column(row).changes, self._stated, used, strict=True)
+            change = [np.zeros(r.size) if c is None else (c * weight).ravel() for c, r, weight in changes]
+            moved.append(-np.linalg.lstsq(slopes.T, np.concatenate(change), rcond=None)[0][0])
+        return np.array(moved)
+
     def starts(self, cause: int) -> Array:
         """Return the measured components of a systematic error, which the fit already contains; else zeros."""
         return np.array([self._coefficients.column(row).start for row in self.blocks[cause]])
