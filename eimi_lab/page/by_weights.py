@@ -30,6 +30,9 @@ from eimi_lab.vision.edges.region import region_of
 from eimi_lab.vision.image_files import ENDINGS, read_image
 
 SPECIMEN, CALIBRATION = "specimen.toml", "calibration.toml"
+OF_COIL = ("current_A", "field_mT", "field_sigma_mT")
+"""Columns of states.csv that the page leaves out, because its calibration has no coil."""
+
 N_PER_GRAM = 9.80665e-3
 """Weight of a mass of 1 g at standard gravity (ISO 80000-4), N."""
 
@@ -321,7 +324,7 @@ def saved(
     texts = {
         SPECIMEN: specimen_text,
         CALIBRATION: calibration.text,
-        STATES: states_text(folder, "tip_force_N", forces_N),
+        STATES: states_text(folder, "tip_force_N", forces_N, OF_COIL),
     }
     target = folder / dataset_name(folder)
     for name in (*texts, target.name):

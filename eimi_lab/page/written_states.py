@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Collection, Mapping
+from contextlib import suppress
 from pathlib import Path
 
 from eimi_lab.config.csv_tables import separator_of
 from eimi_lab.config.toml import read_text
 from eimi_lab.dataset.listing import images_named
+from eimi_lab.dataset.state_loads import LOAD_COLUMNS
+from eimi_lab.process.errors import InputError
 from eimi_lab.showing.tables import csv_text
 from eimi_lab.vision.image_files import find_images
 
@@ -31,9 +34,14 @@ def written_states(folder: Path) -> dict[str, dict[str, str]]:
         return {}
     text = read_text(file).removeprefix("\ufeff").splitlines()
     separator = separator_of(text)
-    lines = [[cell.strip() for cell in cells] for cells in csv.reader(text, delimiter=separator) if any(cells)]
+    try:
+        lines = [[cell.strip() for cell in cells] for cells in csv.reader(text, delimiter=separator) if any(cells)]
+    except csv.Error as error:
+        raise InputError(f"{file}: is not CSV ({error})") from error
     header, *body = lines or [[]]
-    images = find_images(folder)
+    images: list[Path] = []
+    with suppress(InputError):  # the images may follow later
+        images = find_images(folder)
     rows = {}
     for cells in body:
         row = dict(zip(header, cells, strict=False))
@@ -46,7 +54,7 @@ def written_states(folder: Path) -> dict[str, dict[str, str]]:
 
 
 def states_text(folder: Path, column: str, values: Mapping[str, str], without: Collection[str] = ()) -> str:
-    """Return the text of states.csv with new values in one column. The other columns keep their values.
+    """Return the text of states.csv with new values in one column. Other columns that are known keep their values.
 
     Parameters
     ----------
@@ -67,5 +75,5 @@ def states_text(folder: Path, column: str, values: Mapping[str, str], without: C
     old = written_states(folder)
     rows = [{**old.get(name, {}), "frame": name, column: value} for name, value in values.items()]
     columns = dict.fromkeys(["frame", column, *(key for row in rows for key in row)])
-    kept = [key for key in columns if key not in without]
+    kept = [key for key in columns if key in ("frame", *LOAD_COLUMNS) and key not in without]
     return csv_text([kept, *([row.get(key, "") for key in kept] for row in rows)])

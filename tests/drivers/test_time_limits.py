@@ -194,10 +194,16 @@ def test_a_board_that_sends_without_being_asked_is_refused() -> None:
     began_s = clock.now()
     assert sensor.identify().text == sensor.identify().text == "my lab,board,1,1.0"
     assert clock.now() - began_s == pytest.approx(0.2)
-    for reading in (b"12.345 mT\r\n", b"-0.5\r\n", b"1e-3 mT 0.02\r\n"):  # a board that sends slowly and hears nothing
+    for reading in (
+        b"12.345 mT\r\n",
+        b"-.5 mT\r\n",
+        b"1e-3 mT 0.02\r\n",
+    ):  # a slow board that hears nothing
         sensor = SENSORS["text-line"](Talkative(clock, reading, unasked=b""), clock)
         with pytest.raises(ReplyNotUnderstood, match=r"an identity such as my lab,.*; a board must send nothing"):
             sensor.identify()
+    number = SENSORS["text-line"](Talkative(clock, b"1234\r\n", unasked=b""), clock)
+    assert number.identify().text == "1234"
 
 
 @pytest.mark.parametrize("driver", sorted(DIALECTS))

@@ -293,19 +293,22 @@ def test_a_deviation_within_its_uncertainty_has_the_probability_of_being_more_th
     # Cause 1 has two numbers with the prior sizes 0.5 and 2; the second is the larger in its prior size.
     blocks = {1: np.array([2, 3])}
     weighing = SimpleNamespace(
-        blocks=blocks, shown=lambda cause: 2, scale=lambda indices: np.array([1.0, 1.0, 0.5, 2.0])[indices]
+        blocks=blocks,
+        shown=lambda cause: 2,
+        scale=lambda indices: np.array([1.0, 1.0, 0.5, 2.0])[indices],
+        moved_by_unit=lambda: np.array([0.0, 0.0, 0.5, 0.25]),
     )
     posterior = SimpleNamespace(
         means=np.array([[0.1, 9.0, 9.0, 9.0], [9.0, 9.0, 9.0, 9.0], [0.4, 9.0, 0.2, -1.6]]),
         squares=np.array([[0.0] * 4, [0.0] * 4, [0.0, 0.0, 0.0, 0.8**2 + 0.25]]),
     )
     exact = SimpleNamespace(causes=[0, 1], posterior=posterior, probability=np.array([0.0, 0.0, 0.6]))
-    found = deviating_inputs._deviation(weighing, exact, 1, np.array([0.2, -1.6]), (0, 1, 4))
+    found = deviating_inputs._deviation(weighing, exact, 1, np.array([0.3, -1.6]), (0, 1, 4), 0.1)
     beyond = scipy.stats.norm.cdf((-0.8 - 0.3) / 0.5) + scipy.stats.norm.cdf((0.8 - 0.3) / 0.5)
     assert found.cause == 1
     assert found.probability == pytest.approx(0.6 * beyond)
-    assert found.value == pytest.approx(-np.hypot(0.2, 1.6))
-    assert found.moved == pytest.approx(0.3)
+    assert found.value == pytest.approx(-np.hypot(0.3, 1.6))
+    assert found.moved == pytest.approx(0.3 + 0.5 * (0.3 - 0.2))
     assert found.like == (0, 4)
 
 

@@ -20,7 +20,7 @@ QUIET_S = 0.2
 """Time (s) without a line after which a board counts as one that sends nothing without a query."""
 
 _UNIT = re.compile(r"[A-Za-z%/°]{1,12}")
-_READING = re.compile(r"[-+\d.eE]+(\s+[A-Za-z%/°]{1,12})?(\s+[-+\d.eE]+)?")
+_READING = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s+[A-Za-z%/°]{1,12}(\s+\S+)?")
 
 
 class TextLine(SensorBase):

@@ -250,19 +250,21 @@ class RestEvidence:
         beam = self.table.beam
         stiffer, before, softer = self._places(beam, np.array([_STEP, 1.0, 1 / _STEP]))
         slope = (stiffer - softer)[:, 1] / (2 * np.log(_STEP))
-        # A point has a distance from the clamp in the image: an image that is shifted along the beam shows another
-        # point of the beam.
+        # A point of a film has an arc length from the clamp in the image: an image that is shifted along the beam shows
+        # another point of the beam.
         step_mm = np.array([1e-3 * beam.specimen.length_mm, 0.0])
         along = before - replace(self, rest_mm=self.rest_mm - step_mm)._places(beam, np.ones(1))[0]
-        rise = along[:, 1] / along[:, 0]
+        rise = along[:, 1] / step_mm[0]
         effects = {}
         for key, sigma in sources.items():
             parts = len(SOURCES[key].parts)
             change = np.zeros((parts, 1))
             for part, changed in enumerate(beam.changed_by(key, sigma) or (beam,) * parts):
                 true = self._places(changed, np.ones(1))[0]
-                shift = Setup.of([(key, part, sigma)], 1).imaged(true) - true
-                moved = (true - before)[:, 1] + shift[:, 1] - rise * shift[:, 0]
+                image = Setup.of([(key, part, sigma)], 1)
+                shift_mm = (image.imaged(true) - true)[:, 1]
+                along_mm = (image.imaged(self.rest_mm) - self.rest_mm)[:, 0]
+                moved = (true - before)[:, 1] + shift_mm - rise * along_mm
                 change[part] = (moved @ slope) / (slope @ slope)
             effects[key] = change / self.sigma
         return effects

@@ -74,21 +74,32 @@ def test_inputs_that_change_neither_sag_nor_picture_have_no_effect_on_the_modulu
     assert [effects["moment"][0, 0], effects["width"][0, 0]] == pytest.approx([0.0] * 2, abs=1e-9)
 
 
-@pytest.mark.parametrize(("source", "sigma"), [("scale", 0.03), ("clamp", 0.5)])
-def test_a_wrong_scale_or_a_shift_along_the_beam_shows_other_points_of_the_beam(source: str, sigma: float) -> None:
-    beam = beam_of(STRIP)
-    motion = at_rest(beam, ON_AXIS_MM)
+@pytest.mark.parametrize("length_mm", [40.0, 70.0])  # sags of 6 and of 40 mm
+@pytest.mark.parametrize(("source", "sigma"), [("scale", 0.01), ("clamp", 0.3)])
+def test_a_wrong_scale_or_a_shift_along_the_beam_shows_other_points_of_the_beam(
+    source: str, sigma: float, length_mm: float
+) -> None:
+    beam, along = beam_of(replace(STRIP, length_mm=length_mm)), np.linspace(8.0, length_mm - 2.0, 9)
+    motion = at_rest(beam, np.column_stack([along, np.zeros(9)]))
     rest = rest_of(beam, motion)
-    curve = CubicSpline([0.0, *ALONG_MM], np.vstack([[0.0, 0.0], motion.points_mm[0]]))
-    # The picture of an error is 3 % too large, or shifted by 0.5 mm along the beam.
-    if source == "scale":
-        places = (1 + sigma) * curve(ALONG_MM / (1 + sigma))
-    else:
-        places = curve(ALONG_MM - sigma) + np.array([sigma, 0.0])
-    film = replace(motion, points_mm=np.broadcast_to(places, motion.points_mm.shape))
-    expected = np.log(rest_of(beam, film).modulus_Pa / rest.modulus_Pa)
+    curve = CubicSpline([0.0, *along], np.vstack([[0.0, 0.0], motion.points_mm[0]]))
+
+    def log_modulus(error: float) -> float:
+        # The picture is enlarged, or shifted along the beam.
+        places = (1 + error) * curve(along / (1 + error)) if source == "scale" else curve(along - error)
+        places = places + np.array([error if source == "clamp" else 0.0, 0.0])
+        film = replace(motion, points_mm=np.broadcast_to(places, motion.points_mm.shape))
+        return float(np.log(rest_of(beam, film).modulus_Pa))
+
+    expected = 0.5 * (log_modulus(sigma) - log_modulus(-sigma))
     assert rest.effects({source: sigma})[source][0, 0] * rest.sigma == pytest.approx(expected, rel=0.1)
-    assert abs(expected) > 0.01
+    assert abs(expected) > 0.003
+
+
+def test_a_marker_at_the_clamp_keeps_the_effects_finite() -> None:
+    beam, rest_mm = beam_of(STRIP), np.vstack([[0.0, 0.0], ON_AXIS_MM])
+    effects = rest_of(beam, at_rest(beam, rest_mm)).effects({"width": 0.05, "clamp": 0.1, "scale": 0.01})
+    assert all(np.isfinite(one).all() for one in effects.values())
 
 
 @pytest.mark.parametrize(("source", "part"), [("clamp", 1), ("axis", 0)])

@@ -86,6 +86,9 @@ def test_an_empty_folder_and_a_folder_of_photographs_are_described(photographed:
     }
     (tmp_path / "empty").mkdir()
     assert opened(tmp_path / "empty") == {"pictures": [], "size_px": [0, 0], "dataset": "empty.h5", **about}
+    (tmp_path / "empty" / "states.csv").write_text("frame,tip_force_N\nIMG_2.png,0.01\n")  # the photographs come later
+    described = opened(tmp_path / "empty")
+    assert (described["pictures"], described["grams"], described["written"]) == ([], {}, ["states.csv"])
     with pytest.raises(InputError, match="is not a folder"):
         opened(tmp_path / "none")
 
@@ -134,6 +137,33 @@ def test_points_along_the_beam_belong_to_the_first_photograph(photographed: Path
     along = load_calibration(photographed / "calibration.toml").picture
     assert along is not None
     assert along.along_px == ((64.0, 40.0), (64.0, 85.0))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "frame,field_mT,tip_force_N\nIMG_2.png,0,0\n",
+        "frame,current_A\nIMG_2.png,0\nIMG_10.png,0.3\n",
+        "frame,tip_force_N,note\nIMG_2,0,at noon\n",
+        "\ufeffframe;tip_force_N;\n2;0,01;\n",
+    ],
+)
+def test_saved_weights_can_be_imported(photographed: Path, text: str) -> None:
+    (photographed / "states.csv").write_text(text, encoding="utf-8")
+    assert saved(photographed, CLICKED, BEAM, GRAMS, True)["states"] == 2
+
+
+def test_temperatures_stay_in_the_table_of_weights(photographed: Path) -> None:
+    (photographed / "states.csv").write_text("frame,tip_force_N,temperature_degC\n10,0.01,21.5\n")
+    saved(photographed, CLICKED, BEAM, GRAMS, True)
+    lines = (photographed / "states.csv").read_text().splitlines()
+    assert lines == ["frame,tip_force_N,temperature_degC", "IMG_2.png,0,", "IMG_10.png,0.01470998,21.5"]
+
+
+def test_a_table_that_is_not_csv_is_refused(photographed: Path) -> None:
+    (photographed / "states.csv").write_text("frame,tip_force_N\nIMG_2.png," + 140_000 * "1" + "\n")
+    with pytest.raises(InputError, match=r"states\.csv: is not CSV"):
+        opened(photographed)
 
 
 def test_the_files_beside_the_photographs_contain_what_was_typed(photographed: Path) -> None:

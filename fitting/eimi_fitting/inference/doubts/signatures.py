@@ -146,6 +146,10 @@ class LinearisedFit:
     in_error: tuple[Array, ...]
     # The simulation of each experiment at the optimum.
     solved: tuple[Solved, ...]
+    # (l, l): Hessian of minus the log-likelihood of the fit in these unknowns, with tensile curves and all priors.
+    hessian: Array
+    # (K,) for each experiment: weights of the squared residuals of the load cases in this Hessian, in 1/mm^2.
+    weights: tuple[Array, ...]
 
     @staticmethod
     def of(problem: Problem, optimum: Optimum[Evaluation], causes: Sequence[PossibleCause]) -> LinearisedFit:
@@ -173,6 +177,8 @@ class LinearisedFit:
             ),
             tuple(states.used for states in linear.states),
             complete if len(complete) == len(solved) else (),  # empty if an experiment has no equilibrium
+            linear.hessian[np.ix_(kept, kept)],
+            tuple(states.weights for states in linear.states),
         )
 
     @cached_property

@@ -187,21 +187,15 @@ class Weighing:
         return len(self._inputs) > 1
 
     def moved_in_fit(self, rows: Sequence[int]) -> Array:
-        """Return the change of the first unknown by a correction for one unit of some unknowns, without any prior."""
-        # The weights are those of the fit: every used distance counts equally.
-        used = [np.asarray(weight) > 0 for weight in self._about.in_error]
-        slopes = np.concatenate(
-            [
-                (slope * (weight[None, :, None] if weight.ndim < slope.ndim - 2 else weight)).reshape(self._law, -1)
-                for slope, weight in zip(self._about.slopes, used, strict=True)
-            ],
-            axis=1,
-        )
-        moved = []
+        """Return the change of the first unknown by a correction for one unit of some unknowns, as in a new fit."""
+        about, moved = self._about, []
         for row in rows:
-            changes = zip(self._coefficients.column(row).changes, self._stated, used, strict=True)
-            change = [np.zeros(r.size) if c is None else (c * weight).ravel() for c, r, weight in changes]
-            moved.append(-np.linalg.lstsq(slopes.T, np.concatenate(change), rcond=None)[0][0])
+            score = np.zeros(self._law)
+            changes = self._coefficients.column(row).changes
+            for weights, slopes, change in zip(about.weights, about.slopes, changes, strict=True):
+                if change is not None:
+                    score += np.einsum("k,ikgn,kgn->i", weights, slopes, change)
+            moved.append(-np.linalg.solve(about.hessian, score)[0])
         return np.array(moved)
 
     def starts(self, cause: int) -> Array:
