@@ -21,7 +21,7 @@ fit_desk       the routes that fit a dataset, and the process of the fit
 phone_desk     the routes of the page "Weights and a phone": photographs of a beam with weights
 by_weights     make a dataset from photographs, clicks and typed numbers
 picture_desk   the routes for pictures without instruments
-written_states read and write states.csv in a folder of images
+states_table   read and write states.csv in a folder of images
 by_hand        edges in images; a person drags the marks of the calibration into place
 report_links   links that open a report in a new tab
 worker         a separate process for work that takes long or may crash

@@ -17,8 +17,8 @@ from eimi_lab.config.specimen import SpecimenFile, load_specimen
 from eimi_lab.config.toml import check, parse, parse_table, read_text
 from eimi_lab.dataset.importing import import_frames
 from eimi_lab.page.eye import edges_in
+from eimi_lab.page.states_table import STATES, states_text, written_states
 from eimi_lab.page.stored_runs import jpeg
-from eimi_lab.page.written_states import STATES, states_text, written_states
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.outputs import refuse_existing, write_file
 from eimi_lab.process.replacing import remove
