@@ -132,7 +132,7 @@ def _step_clock(trial: Trial) -> float:
 
 
 STOPPED = "stopped by SIG"
-MAY_BE_ON = r"MAY STILL BE ON: 0\.80 A measured"
+MAY_BE_ON = r"MAY STILL BE ON: 0\.800 A measured"
 OFF_TARGET = r"A measured at a set-point of 1\.5 A"
 LINES = (("korad", "pty"), ("scpi", "tcp"), ("scpi", "hislip"))
 """Driver and transport of three lines: a serial line, a socket and HiSLIP."""
