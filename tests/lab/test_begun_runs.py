@@ -51,7 +51,7 @@ class Opened:
         self.interruption = Noted(calls, "interruption")
         self.bench: Any = SimpleNamespace(
             supply=self.supply, camera="a camera", cue="cue", clock=SimpleNamespace(now=lambda: 150.0),
-            sensors=("hall",),
+            sensors=("hall",), steps_known=True,
             guardian=self.guardian, interruption=self.interruption, truth=truth, camera_settings="settings", relay=None,
         )  # fmt: skip
         self.protocol: Any = SimpleNamespace(name="p", currents_A=(0.1, 0.2, 0.3), ramp="ramp", ring_down=None)

@@ -25,6 +25,7 @@ class Calibration:
     def __init__(self, **values: Any) -> None:
         self.values = values
         self.pixels_per_mm, self.axis_angle_deg, self.clamp_midpoint_px = 8.12345, 89.98765, (319.987, 40.123)
+        self.gravity_angle_deg = 90.5
         self.uncertainty = values.get("uncertainty")
 
     def model_dump(self, mode: str) -> Any:
@@ -48,6 +49,10 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     replace("with_measured_clamp", Calibration(of="clamp"))
     replace(
         "with_measured_gravity", (Calibration(uncertainty={"pixels_per_mm": 0.0123, "axis_angle_deg": 0.456}), ["down"])
+    )
+    monkeypatch.setattr(
+        "eimi_lab.vision.calibration.calibration_file.check_hangs",
+        lambda *angles, is_measured: made.append(("check_hangs", (*angles, is_measured))),
     )
     monkeypatch.setattr(
         "eimi_lab.vision.calibration.writing.write_calibration", lambda *given: made.append(("write", given))
@@ -94,7 +99,8 @@ def test_a_calibration_is_measured_from_a_board(calls: list[Any]) -> None:
 
 def test_a_calibration_is_measured_from_a_beam_or_a_ruler(calls: list[Any]) -> None:
     calibrating.calibrate([Path("a")], specimen="s", clamp_midpoint_px=CLAMP, axis_angle=30.0)
-    name, (picture, beam, setup, tolerance) = calls[0]
+    assert calls[0] == ("check_hangs", (Path("a"), 30.0, 30.0, False))
+    name, (picture, beam, setup, tolerance) = calls[1]
     assert (name, picture, beam, tolerance) == ("from_beam", Path("a"), "beam s", 0.05)
     assert list(vars(setup).values()) == [None, CLAMP, 30.0, 30.0, -60.0, False]
     ruler = (1.0, 2.0, 3.0, 4.0)
@@ -108,7 +114,8 @@ def test_a_calibration_is_measured_from_a_beam_or_a_ruler(calls: list[Any]) -> N
         plumb_line=Path("thread"),
         width_tolerance_mm=0.1,
     )
-    named = dict(calls[2:])
+    named = dict(calls[3:])
+    assert "check_hangs" not in named
     assert named["from_ruler"][:2] == (Path("a"), ruler)
     assert named["from_ruler"][2] == 20.0
     assert named["with_measured_clamp"][1:] == (Path("rest"), "beam s")
@@ -128,6 +135,8 @@ def test_a_calibration_is_measured_from_a_beam_or_a_ruler(calls: list[Any]) -> N
     )
     named = dict(calls)
     assert (named["from_beam"][3], named["with_measured_gravity"][1:]) == (0.1, (Path("thread"), -90.0))
+    assert named["check_hangs"] == (Path("a"), 89.98765, 90.5, True)
+    assert [name for name, _ in calls].count("check_hangs") == 1
 
 
 @pytest.mark.parametrize(

@@ -259,7 +259,7 @@ def test_a_validation_tells_whether_the_stretch_was_reached_in_the_fit(
     monkeypatch.setattr(simulated_fit, "Validation", lambda **given: SimpleNamespace(**given))
     monkeypatch.setattr(simulated_fit, "FitReference", SimpleNamespace(of=lambda *given: given))
     monkeypatch.setattr(simulated_fit, "StateError", SimpleNamespace(of=lambda *given: given))
-    fit = SimpleNamespace(model="yeoh", initial_shear_modulus="modulus", max_stretch=1.2)
+    fit = SimpleNamespace(model="yeoh", initial_shear_modulus="modulus", stretch_reached=1.2)
     law: Any = SimpleNamespace(fit=fit, path=Path("fits.json"), index=3)
     data: Any = SimpleNamespace(**vars(fitted()), used="states")
     plain: Any = SimpleNamespace(max_stretch=np.array([1.2 + more]), unstable=np.array([False]))

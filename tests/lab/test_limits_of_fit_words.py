@@ -620,7 +620,8 @@ def test_states_at_opposite_currents_are_chosen_as_pairs() -> None:
 def test_a_plan_chooses_among_41_currents_of_the_stricter_limit() -> None:
     def currents(driver: str, simulated: bool = False) -> np.ndarray:
         limits = SimpleNamespace(stricter=lambda other: SimpleNamespace(current_A=2.0))
-        rig: Any = SimpleNamespace(simulated=simulated, supply=SimpleNamespace(driver=driver, limits=None))
+        supply = SimpleNamespace(driver=driver, limits=None)
+        rig: Any = SimpleNamespace(simulated=simulated, supply=supply, current_step_A=None)
         return planning._currents(rig, SimpleNamespace(limits=limits))  # type: ignore[arg-type]
 
     with pytest.MonkeyPatch.context() as patch:

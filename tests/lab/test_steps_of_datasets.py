@@ -493,7 +493,9 @@ def test_changed_texts_are_replaced_with_the_fields_and_without_the_edges(
 ) -> None:
     calls: list[Any] = []
     old, new = SPECIMEN, "corrected calibration"
-    beam, corrected = SimpleNamespace(text="new specimen"), SimpleNamespace(text=new, mT_per_A=3.0)
+    other = replace(SPECIMEN.mechanics(), width_mm=2.9)
+    beam = SimpleNamespace(text="new specimen", mechanics=lambda: other)
+    corrected = SimpleNamespace(text=new, mT_per_A=3.0)
     entry = {
         "states/field": np.array([1.0, 2.0]), "data/field": np.array([4.0]),
         "states/current": np.array([0.5, 1.0]), "data/set_current": np.array([2.0]),
