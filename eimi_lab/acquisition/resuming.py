@@ -107,13 +107,11 @@ def take_up(path: Path, header: Header, image: NDArray[Any]) -> UnfinishedRun:
         difference = _difference(dataset, header) or _other_frames(dataset, image)
         if difference:
             raise InputError(f"{path}: cannot be resumed: {difference}")
-        begun = UnfinishedRun(len(dataset.states), _elapsed_s(dataset), dataset.stored_ring_downs)
         crashed = not dataset.finished
     if crashed:
-        recover(path, path, force=True)
-        with open_dataset(path) as dataset:  # damaged states and ring-downs were removed
-            begun = UnfinishedRun(len(dataset.states), _elapsed_s(dataset), dataset.stored_ring_downs)
-    return begun
+        recover(path, path, force=True)  # it removes damaged states and ring-downs, which are then taken again
+    with open_dataset(path) as dataset:
+        return UnfinishedRun(len(dataset.states), _elapsed_s(dataset), dataset.stored_ring_downs)
 
 
 def _difference(dataset: Dataset, header: Header) -> str:

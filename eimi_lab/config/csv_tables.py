@@ -103,13 +103,7 @@ def read_table(path: Path, required: Iterable[str], optional: Iterable[str] = ()
     InputError
         If the file cannot be read, or if the header or a row is wrong.
     """
-    text = read_text(path).removeprefix("\ufeff").splitlines()
-    separator = separator_of(text)
-    lines = csv.reader(text, delimiter=separator)
-    try:
-        numbered = [(lines.line_num, [cell.strip() for cell in cells]) for cells in lines if any(cells)]
-    except csv.Error as error:
-        raise InputError(f"{path}: row {lines.line_num}: is not CSV ({error})") from error
+    numbered, separator = read_cells(path)
     if not numbered:
         raise InputError(f"{path}: is empty; its header should be {','.join(required)}")
     (_, header), *body = numbered
@@ -126,9 +120,24 @@ def read_table(path: Path, required: Iterable[str], optional: Iterable[str] = ()
     return rows
 
 
-def separator_of(lines: list[str]) -> str:
-    """Return the most frequent of comma, semicolon and tab in the header, the first line that is not empty."""
-    return max(",;\t", key=next((line for line in lines if line.strip()), "").count)
+def read_cells(path: Path) -> tuple[list[tuple[int, list[str]]], str]:
+    """Return the rows of a CSV table that are not empty, each with the number of its line, and the separator of cells.
+
+    The separator is the most frequent of comma, semicolon and tab in the header. If it is not a comma, numbers may have
+    a decimal comma.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or if it is not CSV.
+    """
+    text = read_text(path).removeprefix("\ufeff").splitlines()
+    separator = max(",;\t", key=next((line for line in text if line.strip()), "").count)
+    lines = csv.reader(text, delimiter=separator)
+    try:
+        return [(lines.line_num, [cell.strip() for cell in cells]) for cells in lines if any(cells)], separator
+    except csv.Error as error:
+        raise InputError(f"{path}: row {lines.line_num}: is not CSV ({error})") from error
 
 
 def _check_header(path: Path, header: list[str], required: Iterable[str], optional: Iterable[str]) -> None:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Collection, Mapping
 from contextlib import suppress
 from pathlib import Path
 
-from eimi_lab.config.csv_tables import separator_of
-from eimi_lab.config.toml import read_text
+from eimi_lab.config.csv_tables import read_cells
 from eimi_lab.dataset.listing import images_named
 from eimi_lab.dataset.state_loads import LOAD_COLUMNS
 from eimi_lab.process.errors import InputError
@@ -27,18 +25,13 @@ def written_states(folder: Path) -> dict[str, dict[str, str]]:
     Raises
     ------
     InputError
-        If the file cannot be read.
+        If the file cannot be read, or if it is not CSV.
     """
     file = folder / STATES
     if not file.is_file():
         return {}
-    text = read_text(file).removeprefix("\ufeff").splitlines()
-    separator = separator_of(text)
-    try:
-        lines = [[cell.strip() for cell in cells] for cells in csv.reader(text, delimiter=separator) if any(cells)]
-    except csv.Error as error:
-        raise InputError(f"{file}: is not CSV ({error})") from error
-    header, *body = lines or [[]]
+    numbered, separator = read_cells(file)
+    header, *body = [cells for _, cells in numbered] or [[]]
     images: list[Path] = []
     with suppress(InputError):  # the images may follow later
         images = find_images(folder)

@@ -10,8 +10,6 @@ import numpy as np
 import pytest
 
 from eimi_drivers.cameras import CameraSettings, aravis_library, open_camera
-from eimi_drivers.cameras.aravis import AravisCamera
-from eimi_drivers.cameras.settings import NO_SETTINGS
 from eimi_drivers.discovery import list_genicam_cameras
 from eimi_drivers.emulators.gige_camera import LOOPBACK
 from eimi_drivers.emulators.gige_process import CameraProcess, gige_process
@@ -21,7 +19,16 @@ from eimi_drivers.interfaces import (
     SetPointNotTaken,
     SetPointRefused,
 )
-from tests.shared.emulated_gige import SIZE_PX, gige_camera, needs_aravis, numbered, only_gige_camera, ramp
+from tests.shared.emulated_gige import (
+    SIZE_PX,
+    close_all,
+    gige_camera,
+    needs_aravis,
+    numbered,
+    only_gige_camera,
+    opened,
+    ramp,
+)
 
 GRAB_S = 20.0
 
@@ -40,22 +47,10 @@ def still(alone: None) -> Iterator[CameraProcess]:
         yield process
 
 
-def opened(settings: CameraSettings = NO_SETTINGS, source: str = LOOPBACK) -> AravisCamera:
-    camera = open_camera("aravis", source, settings)
-    assert isinstance(camera, AravisCamera)
-    _opened.append(camera)
-    return camera
-
-
-_opened: list[AravisCamera] = []
-
-
 @pytest.fixture(autouse=True)
 def closed_at_the_end() -> Iterator[None]:
-    # Close all open cameras after a test, also after a failed one, so that the next test can control the camera.
     yield
-    while _opened:
-        _opened.pop().close()
+    close_all()
 
 
 def expected() -> np.ndarray:

@@ -10,10 +10,9 @@ from contextlib import ExitStack
 import numpy as np
 import pytest
 
-from eimi_drivers.cameras import CAMERAS, CameraSettings, open_camera
+from eimi_drivers.cameras import CAMERAS, CameraSettings
 from eimi_drivers.cameras.aravis import AravisCamera
 from eimi_drivers.cameras.aravis_library import BUFFER_STATUS, SUCCESS, load_aravis
-from eimi_drivers.cameras.settings import NO_SETTINGS
 from eimi_drivers.emulators.gige_camera import LOOPBACK
 from eimi_drivers.emulators.gige_process import CameraProcess
 from eimi_drivers.interfaces import (
@@ -23,7 +22,7 @@ from eimi_drivers.interfaces import (
 )
 from eimi_drivers.testing import CAMERA_CHECKS, camera_checks, check_camera
 from tests.patience import PATIENCE_S
-from tests.shared.emulated_gige import gige_camera, needs_aravis, numbered, only_gige_camera
+from tests.shared.emulated_gige import close_all, gige_camera, needs_aravis, numbered, only_gige_camera, opened
 
 GRAB_S = 20.0
 
@@ -35,22 +34,10 @@ def alone() -> Iterator[None]:
         yield
 
 
-def opened(settings: CameraSettings = NO_SETTINGS, source: str = LOOPBACK) -> AravisCamera:
-    camera = open_camera("aravis", source, settings)
-    assert isinstance(camera, AravisCamera)
-    _opened.append(camera)
-    return camera
-
-
-_opened: list[AravisCamera] = []
-
-
 @pytest.fixture(autouse=True)
 def closed_at_the_end() -> Iterator[None]:
-    # Close all open cameras after a test.
     yield
-    while _opened:
-        _opened.pop().close()
+    close_all()
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,10 @@ import pytest
 from filelock import FileLock
 from numpy.typing import NDArray
 
+from eimi_drivers.cameras import CameraSettings, open_camera
+from eimi_drivers.cameras.aravis import AravisCamera
 from eimi_drivers.cameras.aravis_library import MISSING, aravis_is_installed
+from eimi_drivers.cameras.settings import NO_SETTINGS
 from eimi_drivers.emulators.gige_camera import LOOPBACK
 from eimi_drivers.emulators.gige_process import CameraProcess, gige_process
 from tests.patience import PATIENCE_S
@@ -27,6 +30,23 @@ def only_gige_camera() -> Iterator[None]:
     """Wait until no other test on this computer uses the emulated GigE camera, and lock it until the context ends."""
     with FileLock(Path(tempfile.gettempdir()) / "eimi-tests-gige.lock", timeout=PATIENCE_S):
         yield
+
+
+_opened: list[AravisCamera] = []
+
+
+def opened(settings: CameraSettings = NO_SETTINGS, source: str = LOOPBACK) -> AravisCamera:
+    """Open a camera with Aravis; `close_all` closes it."""
+    camera = open_camera("aravis", source, settings)
+    assert isinstance(camera, AravisCamera)
+    _opened.append(camera)
+    return camera
+
+
+def close_all() -> None:
+    """Close all cameras of `opened`, also after a failed test, so that the next test can control the camera."""
+    while _opened:
+        _opened.pop().close()
 
 
 def numbered() -> Callable[[], NDArray[np.uint8]]:

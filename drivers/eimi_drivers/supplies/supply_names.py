@@ -88,14 +88,7 @@ def is_bipolar(driver: str) -> bool:
 def current_step_A(driver: str) -> str | None:
     """Return the step in which the supplies of a driver set their current, A; None if the driver does not state it.
 
-    Some drivers know a finer step only after they have identified the supply.
-
-    Raises
-    ------
-    UnknownDriver
-        No driver has this name.
-    UnusableDriver
-        The driver cannot be imported or lacks a member.
+    Some drivers know a finer step only after they have identified the supply. The errors are those of `supply_driver`.
     """
     step = getattr(supply_driver(driver), "current_step_A", None)
     return str(step) if isinstance(step, str | float) else None

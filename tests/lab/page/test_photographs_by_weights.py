@@ -162,7 +162,7 @@ def test_temperatures_stay_in_the_table_of_weights(photographed: Path) -> None:
 
 def test_a_table_that_is_not_csv_is_refused(photographed: Path) -> None:
     (photographed / "states.csv").write_text("frame,tip_force_N\nIMG_2.png," + 140_000 * "1" + "\n")
-    with pytest.raises(InputError, match=r"states\.csv: is not CSV"):
+    with pytest.raises(InputError, match=r"states\.csv: row 2: is not CSV"):
         opened(photographed)
 
 
