@@ -129,7 +129,7 @@ def _link_supply(entry: h5py.Group) -> dict[str, str]:
 
 
 def _without_incomplete(entry: h5py.Group, lost: Sequence[str]) -> list[str]:
-    """Remove each optional group that has a damaged part, and return the names of all lost groups and tables."""
+    """Remove every optional group with a damaged part, and return the names of the removed groups and lost tables."""
     sensors = [f"{SENSORS}/{name}" for name in entry.get(SENSORS, ())]
     left_out: dict[str, None] = {}
     for place in lost:

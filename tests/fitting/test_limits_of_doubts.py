@@ -180,7 +180,8 @@ def test_a_distortion_of_one_tracked_point_is_measured_in_half_of_its_distance_f
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(causes_in_pictures, "replace", lambda one, **new: _replaced(one, new))
         corrected = change(assumed, np.array([0.01, 0.0, 0.0, 0.0, 0.0])).experiment.observed.moved_mm
-    # The clamp is two radii from the point: 1 % distortion at one radius displaces it by 2 * 2**2 % of the radius.
+    # The radius is half of the distance between the point and the clamp. The displacement grows with the cube of the
+    # distance: it is 1 % of the radius at one radius, and 2**3 % of the radius at the clamp.
     assert corrected == pytest.approx((1.0 - 0.5 * 0.01 * 2.0**3) * displaced)
 
 

@@ -1,4 +1,4 @@
-"""A run with a current that the supply cannot set exactly is refused before the coil is switched on."""
+"""The program refuses a run before it switches the coil on, if the supply cannot set a current of the run exactly."""
 
 from __future__ import annotations
 

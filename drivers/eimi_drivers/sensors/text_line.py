@@ -14,10 +14,10 @@ STARTS_WITHIN_S = 3
 """Time (s) within which a board answers after its port was opened, because many boards then restart."""
 
 LINES_AT_START = 10
-"""Number of lines without a query that make a board unusable; a few may be late answers or a text at its start."""
+"""Number of lines without a query after which a board is refused. A board may send fewer lines when it starts."""
 
 QUIET_S = 0.2
-"""Time (s) without a line after which a board counts as one that sends nothing without a query."""
+"""If a board sends no line for this time (s), the driver assumes that it sends lines only as answers."""
 
 _UNIT = re.compile(r"[A-Za-z%/°]{1,12}")
 _READING = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s+[A-Za-z%/°]{1,12}(\s+\S+)?")
@@ -57,7 +57,7 @@ class TextLine(SensorBase):
         return super().identify()
 
     def _refuse_unasked_text(self) -> None:
-        """Raise ReplyNotUnderstood if the board sends lines without a query, which could be taken for answers."""
+        """Raise ReplyNotUnderstood if the board sends lines without a query: the driver could read them as answers."""
         for _ in range(LINES_AT_START):
             try:
                 text = self._link.read(LONGEST_LINE, QUIET_S, b"\n")

@@ -78,7 +78,7 @@ class RecordingTransport:
         return self._link.reopen()
 
     def close(self) -> None:
-        """Release the connection and close the file; raise InstrumentError if messages could not be recorded."""
+        """Release the connection and close the file. Raises InstrumentError if a message could not be recorded."""
         self._link.close()
         self._close_file()
         failed, self._failed = self._failed, None

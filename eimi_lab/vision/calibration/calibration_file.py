@@ -258,7 +258,7 @@ def from_beam(
 
 
 def check_hangs(image: Path, axis_deg: float, gravity_deg: float, is_measured: bool) -> None:
-    """Raise InputError if the weight of the beam in an image acts across its axis and bends it.
+    """Raise InputError if gravity in an image acts across the axis of the beam, so that the beam is bent.
 
     `is_measured` tells whether the direction of gravity was measured, and not assumed or stated.
     """

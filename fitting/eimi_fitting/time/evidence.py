@@ -250,8 +250,8 @@ class RestEvidence:
         beam = self.table.beam
         stiffer, before, softer = self._places(beam, np.array([_STEP, 1.0, 1 / _STEP]))
         slope = (stiffer - softer)[:, 1] / (2 * np.log(_STEP))
-        # A point of a film has an arc length from the clamp in the image: an image that is shifted along the beam shows
-        # another point of the beam.
+        # A point of a film is found by its distance from the clamp along the beam in the image. If the image is shifted
+        # along the beam, the measurement belongs to another point of the beam.
         step_mm = np.array([1e-3 * beam.specimen.length_mm, 0.0])
         along = before - replace(self, rest_mm=self.rest_mm - step_mm)._places(beam, np.ones(1))[0]
         rise = along[:, 1] / step_mm[0]

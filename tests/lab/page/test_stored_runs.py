@@ -96,7 +96,8 @@ def test_a_repeated_import_is_shown_with_its_own_edges(served: Any, tmp_path: Pa
     specimen, calibration = load_specimen(folder / "specimen.toml"), folder / "calibration.toml"
 
     def first_edge(states: str, **changes: Any) -> Any:
-        # Import the same pictures into the same file, and return the middle of an edge of the first state.
+        # Replace the dataset by a new import of the same pictures, and return the mean position of the left edge of the
+        # first state.
         (tmp_path / "states.csv").write_text(f"frame,current_A\n{states}")
         new = tmp_path / "new.h5"
         import_frames(
