@@ -22,7 +22,7 @@ from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.outline import outline, points_on
 from eimi_fitting.inference.evidence.measurements import PointObservation
-from eimi_fitting.inference.identification import identify
+from eimi_fitting.inference.identification.whole_fit import identify
 from eimi_fitting.laws import LAWS
 from eimi_lab.config.rig import load_rig
 from eimi_lab.config.specimen import load_specimen

@@ -20,7 +20,7 @@ from eimi_fitting.beam.outline import outline, points_on
 from eimi_fitting.beam.specimen import Magnet, Specimen
 from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.measurements import EdgeObservation
-from eimi_fitting.inference.identification import identify
+from eimi_fitting.inference.identification.whole_fit import identify
 from eimi_fitting.inference.planning.section_bias import expected_bias
 from eimi_fitting.laws import LAWS
 from eimi_lab.config.specimen import load_specimen

@@ -40,7 +40,7 @@ from eimi_fitting.beam.rest_modes import with_modes
 from eimi_fitting.beam.specimen import Specimen
 from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.measurements import EdgeObservation
-from eimi_fitting.inference.identification import identify
+from eimi_fitting.inference.identification.whole_fit import identify
 from eimi_fitting.inference.searching.measured_rest_shape import measured_rest_shape
 from eimi_fitting.laws import LAWS
 from eimi_lab.config.specimen import load_specimen

@@ -15,7 +15,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from eimi_fitting.inference.doubts.causes import NONE
-from eimi_fitting.inference.fit import Fit
+from eimi_fitting.inference.identification.fit import Fit
 
 _SHOWN = 3  # causes in a line of text
 _HEAD = (

@@ -27,7 +27,7 @@ from eimi_fitting.inference.doubts.causes import NONE
 from eimi_fitting.inference.doubts.table_of_causes import POSSIBLE_CAUSES
 from eimi_fitting.inference.evidence.sources import loads_under, specimen_under
 from eimi_fitting.inference.evidence.unknowns import Setup
-from eimi_fitting.inference.identification import identify
+from eimi_fitting.inference.identification.whole_fit import identify
 from eimi_fitting.inference.searching.measured_rest_shape import measured_rest_shape
 from tests.shared.virtual_measurements import deviations_drawn, stated
 

@@ -18,7 +18,6 @@ page            the live page on this computer
 publishing      an archive of runs and results for other people's programs
 study           the evaluation on virtual specimens and tensile data
 face            the public functions
-demonstration   acquire, segment, fit and report on the virtual rig
 commands        the commands of `eimi`
 cli             the command line with all commands
 """

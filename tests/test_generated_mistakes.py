@@ -44,7 +44,7 @@ def test_each_kind_of_mistake_is_made_and_no_text_or_annotation_is_changed() -> 
         ("drivers/eimi_drivers/supplies/scpi.py", ["cameras", "supplies"], "supplies"),
         ("drivers/eimi_drivers/clock.py", ["supplies"], None),
         ("fitting/eimi_fitting/inference/interval/draws.py", ["interval"], "interval"),
-        ("fitting/eimi_fitting/inference/fit.py", ["interval"], None),
+        ("fitting/eimi_fitting/inference/identification/fit.py", ["interval"], None),
         ("eimi_lab/acquisition/run.py", ["acquisition"], "acquisition"),
     ],
 )

@@ -109,7 +109,7 @@ def demo(
     steps uses the true law of the specimen. The program then prints the difference of each fitted modulus from the true
     modulus.
     """
-    from eimi_lab.demonstration import demonstrate
+    from eimi_lab.face.demonstrating import demonstrate
     from eimi_lab.process.progress import progress
 
     done = demonstrate(output, material, specimen, rig, quick=quick, seed=seed, force=force, progress=progress)

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from eimi_fitting.inference.fit import Fit
+from eimi_fitting.inference.identification.fit import Fit
 from eimi_lab.fits.law_record import Record
 
 

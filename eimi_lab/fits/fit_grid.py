@@ -8,8 +8,8 @@ from contextlib import AbstractContextManager, closing
 from dataclasses import dataclass, replace
 from typing import Any
 
-from eimi_fitting.inference.fit import Fit
-from eimi_fitting.inference.identification import identify
+from eimi_fitting.inference.identification.fit import Fit
+from eimi_fitting.inference.identification.whole_fit import identify
 from eimi_fitting.inference.interval.bootstrap import resampled
 from eimi_fitting.inference.searching.search import Generation, Objectives, OtherSearch
 from eimi_lab.fits.bootstrap_record import BootstrapRecord, ReplicateRecord

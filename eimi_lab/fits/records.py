@@ -17,7 +17,7 @@ from pydantic.dataclasses import dataclass
 from eimi_fitting.inference.doubts.checks import Doubt
 from eimi_fitting.inference.evidence.sources import StatedSource
 from eimi_fitting.inference.evidence.tensile_curves import TensileEvidence
-from eimi_fitting.inference.fit import Fit, IdentifiedLaw
+from eimi_fitting.inference.identification.fit import Fit, IdentifiedLaw
 from eimi_fitting.laws import LAWS
 from eimi_fitting.laws.tensile import strain_reached
 from eimi_fitting.time.result import LawOfTime

@@ -7,7 +7,7 @@ from typing import Any
 
 from eimi_lab.fits.fits_file import read_fits_file
 from eimi_lab.fits.records import FitRecord
-from eimi_lab.reporting.rounded import value_and_interval
+from eimi_lab.showing.rounded import value_and_interval
 
 MOST_BUDGET = 6
 

@@ -13,7 +13,6 @@ elements       number figures and tables, and write them as HTML and as files
 frames         cut frames to the beam, and choose load steps to show
 stress         compute stress against strain of each fit in three modes of deformation
 published_moduli  published moduli of common silicones
-rounded        format a quantity and its interval
 citation       the references to cite
 page           fill page.html with the panels
 """

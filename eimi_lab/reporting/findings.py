@@ -16,8 +16,8 @@ from eimi_lab.fits.tensile_record import TensileRecord
 from eimi_lab.fits.validation import Validation
 from eimi_lab.reporting.contents import DatasetContents, ReportContents
 from eimi_lab.reporting.residual_noise import residual_noise
-from eimi_lab.reporting.rounded import value_and_interval
 from eimi_lab.reporting.shown import ShownFit, chosen
+from eimi_lab.showing.rounded import value_and_interval
 
 _NOISE = "Do the residuals look like noise?"
 _NEXT = "What to measure better next?"

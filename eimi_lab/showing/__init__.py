@@ -2,6 +2,7 @@
 
 drawing      the style of figures, and figures as files
 palette      colours, markers and line styles
+rounded      a quantity with its interval and its unit
 significant  numbers with their significant digits
 tables       HTML tables for a notebook, and data frames
 """

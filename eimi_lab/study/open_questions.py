@@ -15,8 +15,8 @@ from eimi_fitting.beam.outline import outline, points_on
 from eimi_fitting.beam.specimen import Section
 from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.unknowns import NuisancePrior
-from eimi_fitting.inference.fit import Fit
-from eimi_fitting.inference.identification import identify
+from eimi_fitting.inference.identification.fit import Fit
+from eimi_fitting.inference.identification.whole_fit import identify
 from eimi_fitting.laws import LAWS
 from eimi_lab.study.extent import TRAINED_ON, Extent
 from eimi_lab.study.hidden_materials import HiddenMaterial

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_fitting.inference.evidence.experiment import Experiment
-from eimi_fitting.inference.identification import identify
+from eimi_fitting.inference.identification.whole_fit import identify
 from eimi_fitting.laws import LAWS, CannotFit, fit_tensile
 from eimi_lab.fits.tensile_files import read_tensile
 from eimi_lab.process.errors import InputError

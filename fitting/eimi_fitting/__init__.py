@@ -32,8 +32,8 @@ if TYPE_CHECKING:
     from eimi_fitting.inference.evidence.quantity import Quantity as Quantity
     from eimi_fitting.inference.evidence.tensile_curves import TensileCurve as TensileCurve
     from eimi_fitting.inference.evidence.unknowns import NuisancePrior as NuisancePrior
-    from eimi_fitting.inference.fit import Fit as Fit
-    from eimi_fitting.inference.identification import identify as identify
+    from eimi_fitting.inference.identification.fit import Fit as Fit
+    from eimi_fitting.inference.identification.whole_fit import identify as identify
     from eimi_fitting.inference.planning.sensitivity import edge_sensitivity as edge_sensitivity
     from eimi_fitting.laws import LAWS as LAWS
     from eimi_fitting.laws.cards import Material as Material
@@ -46,7 +46,7 @@ _HOMES = {
     "BeamModel": "beam.model",
     "EdgeObservation": "inference.evidence.measurements",
     "Experiment": "inference.evidence.experiment",
-    "Fit": "inference.fit",
+    "Fit": "inference.identification.fit",
     "Loads": "beam.loads",
     "Magnet": "beam.specimen",
     "Material": "laws.cards",
@@ -58,7 +58,7 @@ _HOMES = {
     "TensileCurve": "inference.evidence.tensile_curves",
     "edge_sensitivity": "inference.planning.sensitivity",
     "fit_tensile": "laws.tensile",
-    "identify": "inference.identification",
+    "identify": "inference.identification.whole_fit",
     "material_card": "laws.cards",
 }
 

@@ -27,8 +27,8 @@ from eimi_fitting.inference.evidence.measurements import EdgeObservation, PointO
 from eimi_fitting.inference.evidence.parameter_priors import Prior
 from eimi_fitting.inference.evidence.sources import StatedSource, loads_under, specimen_under
 from eimi_fitting.inference.evidence.unknowns import Setup
-from eimi_fitting.inference.fit import Fit
-from eimi_fitting.inference.identification import identify
+from eimi_fitting.inference.identification.fit import Fit
+from eimi_fitting.inference.identification.whole_fit import identify
 from eimi_fitting.inference.searching.measured_rest_shape import measured_rest_shape
 from eimi_fitting.laws import LAWS
 

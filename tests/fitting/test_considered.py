@@ -14,7 +14,7 @@ from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.measurements import EdgeObservation, PointObservation, edge_curves, points_on
 from eimi_fitting.inference.evidence.sources import SOURCES, StatedSource
 from eimi_fitting.inference.evidence.unknowns import NuisancePrior
-from eimi_fitting.inference.identification import identify
+from eimi_fitting.inference.identification.whole_fit import identify
 from eimi_fitting.inference.interval import considered
 from eimi_fitting.inference.interval.estimate import Estimate
 from eimi_fitting.inference.planning.choice_of_law import Candidate, choose

@@ -7,12 +7,12 @@ import numpy as np
 from eimi_fitting import LAWS, BeamModel, EdgeObservation, Experiment, Loads, Magnet, Specimen
 from eimi_fitting.beam.beside import SolidBeside
 from eimi_fitting.beam.outline import outline, points_on
-from eimi_fitting.inference.corrected_optimum import refine
 from eimi_fitting.inference.evidence._coarse import on_coarse_mesh
 from eimi_fitting.inference.evidence.corrections import polished
 from eimi_fitting.inference.evidence.experiment import DISCARDED_MM
 from eimi_fitting.inference.evidence.objective import Problem
 from eimi_fitting.inference.evidence.unknowns import Unknowns
+from eimi_fitting.inference.interval.corrected_optimum import refine
 from eimi_fitting.inference.searching.modulus_range import within
 from eimi_fitting.laws.search_space import search_space
 

@@ -11,7 +11,6 @@ import pytest
 
 from eimi_fitting import Loads, Magnet, Specimen
 from eimi_fitting.beam.model import BeamModel
-from eimi_fitting.inference import corrected_optimum
 from eimi_fitting.inference.evidence import corrections
 from eimi_fitting.inference.evidence.corrections import (
     FINER_MESH,
@@ -31,6 +30,7 @@ from eimi_fitting.inference.evidence.measurements import (
     joined_misfits,
     signed_distance,
 )
+from eimi_fitting.inference.interval import corrected_optimum
 from eimi_fitting.inference.searching import measured_rest_shape
 from eimi_fitting.inference.searching.measured_rest_shape import MeasuredRestShape
 

@@ -11,11 +11,11 @@ from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.specimen import Magnet, Specimen
 from eimi_fitting.correlation import correlation_length
-from eimi_fitting.inference import corrected_optimum
 from eimi_fitting.inference.evidence.corrections import FINER_MESH, correction
 from eimi_fitting.inference.evidence.experiment import DISCARDED_MM, Experiment, compare
 from eimi_fitting.inference.evidence.measurements import EdgeObservation, PointObservation, edge_curves, points_on
-from eimi_fitting.inference.identification import identify
+from eimi_fitting.inference.identification.whole_fit import identify
+from eimi_fitting.inference.interval import corrected_optimum
 from eimi_fitting.inference.searching.modulus_range import NothingConverged
 from eimi_fitting.laws import LAWS
 from tests.shared.estimates import refined

@@ -14,7 +14,6 @@ from scipy import stats
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.specimen import Magnet, Specimen
-from eimi_fitting.inference.corrected_optimum import refine
 from eimi_fitting.inference.doubts.checks import doubts
 from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.measurements import EdgeObservation, PointObservation, edge_curves, points_on
@@ -22,9 +21,10 @@ from eimi_fitting.inference.evidence.objective import Problem
 from eimi_fitting.inference.evidence.sources import SOURCES, StatedSource, loads_under, specimen_under
 from eimi_fitting.inference.evidence.tensile_curves import TensileCurve, TensileEvidence
 from eimi_fitting.inference.evidence.unknowns import NuisancePrior, SharedUnknowns, Unknowns, nuisances
-from eimi_fitting.inference.identification import identify
+from eimi_fitting.inference.identification.whole_fit import identify
 from eimi_fitting.inference.interval.budget import Moves, budget
 from eimi_fitting.inference.interval.considered import ConsideredInput, Steps, sources_of
+from eimi_fitting.inference.interval.corrected_optimum import refine
 from eimi_fitting.inference.interval.covariance import Linearisation, LinearStates, point_correlation
 from eimi_fitting.inference.interval.draws import draw_noise, interval_95, quantity
 from eimi_fitting.inference.interval.estimate import _widened

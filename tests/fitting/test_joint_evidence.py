@@ -16,7 +16,7 @@ from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.measurements import EdgeObservation, PointObservation, edge_curves, points_on
 from eimi_fitting.inference.evidence.tensile_curves import TensileCurve
 from eimi_fitting.inference.evidence.unknowns import NuisancePrior
-from eimi_fitting.inference.identification import identify
+from eimi_fitting.inference.identification.whole_fit import identify
 from eimi_fitting.inference.searching.named_causes import NamedCause
 from eimi_fitting.laws import LAWS
 from eimi_fitting.laws.tensile import engineering_stress

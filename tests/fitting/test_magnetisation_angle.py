@@ -11,14 +11,14 @@ from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.solid_model import SolidModel
 from eimi_fitting.beam.specimen import Magnet, Specimen
-from eimi_fitting.inference.corrected_optimum import refine
 from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.measurements import EdgeObservation, edge_curves, points_on
 from eimi_fitting.inference.evidence.objective import Problem
 from eimi_fitting.inference.evidence.polarity import freed_by_polarities
 from eimi_fitting.inference.evidence.sources import StatedSource
 from eimi_fitting.inference.evidence.unknowns import NuisancePrior, Unknowns
-from eimi_fitting.inference.identification import identify
+from eimi_fitting.inference.identification.whole_fit import identify
+from eimi_fitting.inference.interval.corrected_optimum import refine
 from eimi_fitting.inference.interval.estimate import Estimate
 from eimi_fitting.laws import LAWS
 from eimi_fitting.laws.search_space import search_space

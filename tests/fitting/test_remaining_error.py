@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eimi_fitting.inference import corrected_optimum
 from eimi_fitting.inference.evidence.corrections import SOLID
+from eimi_fitting.inference.interval import corrected_optimum
 
 PERCENT = 10.0
 """Change of the modulus (per cent) for a change of the first unknown by 1."""

@@ -17,7 +17,7 @@ from eimi_fitting.beam.solid_model import SolidModel
 from eimi_fitting.beam.specimen import Magnet, Specimen
 from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.measurements import EdgeObservation, PointObservation
-from eimi_fitting.inference.identification import identify
+from eimi_fitting.inference.identification.whole_fit import identify
 from eimi_fitting.laws import LAWS
 from tests.shared.estimates import refined
 

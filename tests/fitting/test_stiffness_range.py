@@ -14,7 +14,7 @@ from eimi_fitting.inference.doubts.checks import NotExplained, deflection_mm
 from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.measurements import PointObservation
 from eimi_fitting.inference.evidence.unknowns import NuisancePrior
-from eimi_fitting.inference.identification import identify
+from eimi_fitting.inference.identification.whole_fit import identify
 from eimi_fitting.inference.searching.modulus_range import NothingActs
 from eimi_fitting.laws import LAWS
 

@@ -16,7 +16,7 @@ from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.measurements import EdgeObservation, edge_curves, points_on
 from eimi_fitting.inference.evidence.sources import SOURCES, Source, StatedSource
 from eimi_fitting.inference.evidence.unknowns import NuisancePrior, Setup, freed_number, nuisances, shared
-from eimi_fitting.inference.identification import identify
+from eimi_fitting.inference.identification.whole_fit import identify
 from eimi_fitting.laws import LAWS
 from tests.shared.estimates import refined
 

@@ -11,7 +11,7 @@ from eimi_fitting.inference.evidence.quantity import Quantity
 from eimi_fitting.units import in_words
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.fits.evidence import load_evidence
-from eimi_lab.reporting.rounded import format_quantity
+from eimi_lab.showing.rounded import format_quantity
 
 SPECIMEN = """
 [specimen]

@@ -543,7 +543,7 @@ def test_the_demonstration_compares_each_fit_with_the_truth(called: Any) -> None
         **{"true_model": "yeoh", "true_parameters": {"C10_Pa": 1.5, "C20_Pa": -2.0}, "scores": scores},
         **{"dataset": Path("d.h5"), "fits": Path("f.json"), "report": Path("r.html")},
     )
-    calls = called("eimi_lab.demonstration.demonstrate", done)
+    calls = called("eimi_lab.face.demonstrating.demonstrate", done)
     result = showing.demo()
     assert result.lines == [
         "truth: yeoh, C10_Pa 1.5, C20_Pa -2; initial shear modulus 45679 Pa",

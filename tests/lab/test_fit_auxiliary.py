@@ -14,7 +14,7 @@ from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.specimen import Specimen
 from eimi_fitting.inference.evidence.tensile_curves import TensileCurve
-from eimi_fitting.inference.identification import identify
+from eimi_fitting.inference.identification.whole_fit import identify
 from eimi_fitting.inference.planning.choice_of_law import Candidate, choose
 from eimi_fitting.laws import LAWS, SOLVERS
 from eimi_fitting.laws.tensile import engineering_stress

@@ -180,7 +180,7 @@ def test_tensile_demo_plan_and_acquire_obey_their_options(
     for more, relative in ((), False), (("--relative",), True):
         given, _ = reached("fits.tensile_fits.fit_window", *tensile, *more)
         assert given[1:] == ("yeoh", 20.0, relative)
-    _, named = reached("demonstration.demonstrate", "demo", "--quick", "--seed", "7", "-o", "here")
+    _, named = reached("face.demonstrating.demonstrate", "demo", "--quick", "--seed", "7", "-o", "here")
     assert (named["seed"], named["quick"]) == (7, True)
     fitted_law = FittedLaw(Path("fits.json"), 0, cast(FitRecord, None))
     monkeypatch.setattr("eimi_lab.face.using.fits_of", lambda fits: [fitted_law])

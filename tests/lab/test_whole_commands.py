@@ -15,10 +15,11 @@ import pytest
 import typer
 
 from eimi_drivers.interfaces import InstrumentError, SwitchOffFailed, UnusableDriver
-from eimi_lab import cli, demonstration
+from eimi_lab import cli
 from eimi_lab.config.protocol import load_protocol
 from eimi_lab.config.rig import load_rig
 from eimi_lab.config.specimen import load_specimen
+from eimi_lab.face import demonstrating
 from eimi_lab.fits import simulated_fit
 from eimi_lab.process.errors import InputError, OwnFault
 from eimi_lab.process.stopping import Stopped
@@ -172,11 +173,11 @@ class Bench:
             ("acquire", None),
             ("on_terminal", "told"),
         ):
-            patch.setattr(demonstration, name, self.step(name, result))
-        patch.setattr(demonstration, "open_bench", self.context("open_bench", "bench"))
-        patch.setattr(demonstration, "open_dataset", self.context("open_dataset", self))
+            patch.setattr(demonstrating, name, self.step(name, result))
+        patch.setattr(demonstrating, "open_bench", self.context("open_bench", "bench"))
+        patch.setattr(demonstrating, "open_dataset", self.context("open_dataset", self))
         of = SimpleNamespace(of=lambda fits: SimpleNamespace(write=self.step("write", None)))
-        patch.setattr(demonstration, "Fits", of)
+        patch.setattr(demonstrating, "Fits", of)
 
     def step(self, name: str, result: Any) -> Callable[..., Any]:
         return lambda *given, **options: self.calls.append((name, given, options)) or result
@@ -199,11 +200,11 @@ class Bench:
 def test_a_demonstration_makes_its_steps_in_order(quick: bool, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     truth = {"model": "yeoh", "parameters": {"C10_Pa": 25e3, "C20_Pa": 1e3, "C30_Pa": 50.0}}
     bench: Any = Bench(monkeypatch, lambda: truth)
-    found = demonstration.demonstrate(
+    found = demonstrating.demonstrate(
         tmp_path, " Dragon Skin 10", "type1", "virtual", quick=quick, seed=4, force=True, progress=bench.progress
     )
     protocol = load_protocol("dragon_skin_10_quick" if quick else "dragon_skin_10")
-    models = ["neo-hookean"] if quick else list(demonstration.LAWS)
+    models = ["neo-hookean"] if quick else list(demonstrating.LAWS)
     paths = [tmp_path / name for name in ("dataset.h5", "fits.json", "report.html")]
     assert [found.dataset, found.fits, found.report] == paths
     assert (found.true_model, found.true_parameters) == ("yeoh", truth["parameters"])
@@ -248,11 +249,11 @@ def test_a_demonstration_needs_a_virtual_rig_and_its_true_law(monkeypatch: pytes
     bench: Any = Bench(monkeypatch, lambda: None)
     given: dict[str, Any] = {"quick": True, "seed": 1, "force": False, "progress": bench.progress}
     with pytest.raises(InputError, match=r"dataset\.h5: does not contain the true law of a virtual rig"):
-        demonstration.demonstrate(tmp_path, "dragon_skin_10", "type1", "virtual", **given)
+        demonstrating.demonstrate(tmp_path, "dragon_skin_10", "type1", "virtual", **given)
     real: Any = SimpleNamespace(simulated=False)
-    monkeypatch.setattr(demonstration, "load_rig", lambda name: real)
+    monkeypatch.setattr(demonstrating, "load_rig", lambda name: real)
     with pytest.raises(InputError, match="my_rig: is a real rig; the demonstration needs a virtual rig"):
-        demonstration.demonstrate(tmp_path, "dragon_skin_10", "type1", "my_rig", **given)
+        demonstrating.demonstrate(tmp_path, "dragon_skin_10", "type1", "my_rig", **given)
     assert load_rig("virtual").simulated
 
 

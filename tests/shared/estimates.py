@@ -6,13 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from eimi_fitting.inference.corrected_optimum import SearchEnd, refine
 from eimi_fitting.inference.evidence.corrections import polished
 from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.objective import Problem
 from eimi_fitting.inference.evidence.parameter_priors import Prior
 from eimi_fitting.inference.evidence.tensile_curves import TensileCurve, TensileEvidence
 from eimi_fitting.inference.evidence.unknowns import NuisancePrior, Unknowns, nuisances
+from eimi_fitting.inference.interval.corrected_optimum import SearchEnd, refine
 from eimi_fitting.laws import LAWS
 from eimi_fitting.laws.search_space import search_space
 

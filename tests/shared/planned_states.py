@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.specimen import Specimen
-from eimi_fitting.inference.corrected_optimum import refine
 from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.measurements import edge_curves, points_on
 from eimi_fitting.inference.evidence.objective import Problem
 from eimi_fitting.inference.evidence.sources import SOURCES, StatedSource, loads_under, specimen_under
 from eimi_fitting.inference.evidence.unknowns import Setup
+from eimi_fitting.inference.interval.corrected_optimum import refine
 from eimi_fitting.inference.interval.estimate import Estimate
 from eimi_fitting.inference.planning.design_of_experiment import (
     Candidates,

@@ -18,12 +18,12 @@ from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.outline import outline, points_on
 from eimi_fitting.beam.specimen import Specimen
-from eimi_fitting.inference.corrected_optimum import refine
 from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.measurements import EdgeObservation
 from eimi_fitting.inference.evidence.objective import Problem
 from eimi_fitting.inference.evidence.sources import SOURCES, StatedSource, loads_under, specimen_under
 from eimi_fitting.inference.evidence.unknowns import Setup, Unknowns
+from eimi_fitting.inference.interval.corrected_optimum import refine
 from eimi_fitting.inference.interval.estimate import Estimate
 from eimi_fitting.laws import LAWS
 from eimi_fitting.laws.search_space import search_space

@@ -15,8 +15,8 @@ from eimi_lab.fits.validation_tables import micrometres
 from eimi_lab.reporting.contents import ReportContents
 from eimi_lab.reporting.elements import Cell, Table
 from eimi_lab.reporting.panel import ReportPanel
-from eimi_lab.reporting.rounded import format_quantity
 from eimi_lab.reporting.shown import ShownFit
+from eimi_lab.showing.rounded import format_quantity
 from eimi_lab.showing.significant import significant
 
 _HEAD = (

@@ -11,7 +11,7 @@ from eimi_lab.reporting.elements import Table
 from eimi_lab.reporting.findings import Finding, findings
 from eimi_lab.reporting.panel import ReportPanel
 from eimi_lab.reporting.published_moduli import PublishedModulus, published_moduli
-from eimi_lab.reporting.rounded import format_quantity
+from eimi_lab.showing.rounded import format_quantity
 from eimi_lab.showing.significant import significant
 
 _HEAD = ("shear modulus", "ratio to this result", "how", "source")

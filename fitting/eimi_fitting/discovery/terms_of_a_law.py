@@ -17,7 +17,7 @@ from eimi_fitting.discovery.supports import Support, minimal, supports, upper_co
 from eimi_fitting.discovery.tensile_rows import largest_x, stress_columns, tensile_rows
 from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.tensile_curves import TensileCurve
-from eimi_fitting.inference.identification import identify
+from eimi_fitting.inference.identification.whole_fit import identify
 from eimi_fitting.laws.law import CannotFit
 from eimi_fitting.laws.stability import stable_up_to
 from eimi_fitting.laws.sum_of_terms import SumOfTerms, Term

@@ -17,7 +17,6 @@ from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.rest_modes import with_modes
 from eimi_fitting.beam.specimen import Specimen
 from eimi_fitting.beam.view import View
-from eimi_fitting.inference.corrected_optimum import SearchEnd, refine
 from eimi_fitting.inference.doubts.cause_doubts import cause_doubts, is_as_stated
 from eimi_fitting.inference.doubts.causes import Weighed, weighed_causes
 from eimi_fitting.inference.doubts.checks import deflection_mm, doubts, noise_ratio
@@ -35,6 +34,7 @@ from eimi_fitting.inference.evidence.corrections import polished
 from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.objective import Problem
 from eimi_fitting.inference.evidence.unknowns import NuisancePrior, Unknowns, nuisances
+from eimi_fitting.inference.interval.corrected_optimum import SearchEnd, refine
 from eimi_fitting.laws import LAWS
 from eimi_fitting.laws.search_space import search_space
 from tests.shared.accepted_numbers import check, described

@@ -19,12 +19,12 @@ import pytest
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.specimen import Specimen
 from eimi_fitting.beam.view import View
-from eimi_fitting.inference.corrected_optimum import SearchEnd, refine
 from eimi_fitting.inference.evidence.corrections import polished
 from eimi_fitting.inference.evidence.objective import Problem
 from eimi_fitting.inference.evidence.parameter_priors import Prior
 from eimi_fitting.inference.evidence.tensile_curves import TensileCurve, TensileEvidence
 from eimi_fitting.inference.evidence.unknowns import NuisancePrior, Unknowns, nuisances
+from eimi_fitting.inference.interval.corrected_optimum import SearchEnd, refine
 from eimi_fitting.inference.interval.noise import linearise_noise
 from eimi_fitting.laws import LAWS
 from eimi_fitting.laws.search_space import search_space

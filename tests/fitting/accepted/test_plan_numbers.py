@@ -21,7 +21,7 @@ from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.parameter_priors import Prior
 from eimi_fitting.inference.evidence.sources import StatedSource
 from eimi_fitting.inference.evidence.tensile_curves import TensileCurve
-from eimi_fitting.inference.identification import identify
+from eimi_fitting.inference.identification.whole_fit import identify
 from eimi_fitting.inference.planning import modulus_so_far, section_bias
 from eimi_fitting.inference.planning.compressibility import compressibility_bias
 from eimi_fitting.inference.planning.design_of_experiment import EdgeNoise, KnownLaw, candidates

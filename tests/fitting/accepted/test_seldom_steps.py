@@ -20,7 +20,6 @@ from eimi_fitting.beam.specimen import Specimen
 from eimi_fitting.discovery import terms_of_a_law
 from eimi_fitting.discovery.tensile_rows import tensile_rows
 from eimi_fitting.discovery.terms_of_a_law import discover
-from eimi_fitting.inference import corrected_optimum, identification
 from eimi_fitting.inference.doubts.checks import slip_doubts
 from eimi_fitting.inference.evidence._coarse import coarsened
 from eimi_fitting.inference.evidence.corrections import polished
@@ -31,8 +30,9 @@ from eimi_fitting.inference.evidence.parameter_priors import INITIAL_SHEAR_MODUL
 from eimi_fitting.inference.evidence.sources import SOURCES
 from eimi_fitting.inference.evidence.tensile_curves import TensileCurve, TensileEvidence
 from eimi_fitting.inference.evidence.unknowns import NuisancePrior, Unknowns, nuisances
-from eimi_fitting.inference.identification import _problem, _search, identify
-from eimi_fitting.inference.interval import covariance, estimate, noise
+from eimi_fitting.inference.identification import whole_fit
+from eimi_fitting.inference.identification.whole_fit import _problem, _search, identify
+from eimi_fitting.inference.interval import corrected_optimum, covariance, estimate, noise
 from eimi_fitting.inference.interval.noise import linearise_noise
 from eimi_fitting.inference.interval.profile_likelihood import Ends
 from eimi_fitting.inference.planning import modulus_so_far
@@ -401,7 +401,7 @@ def test_a_search_has_twenty_points_a_state_and_ends_early_for_a_beam_that_hardl
         asked.append((points_, options["enough_mm"], options["most_generations"], options["restarts"], options["seed"]))
         raise Stopped
 
-    monkeypatch.setattr(identification, "_search", stopped)
+    monkeypatch.setattr(whole_fit, "_search", stopped)
     little = Loads.along((0.1, 0.2, -0.1), gravity_angle_deg=5.0)
     for one in (experiment(edges(law=NEO)), experiment(edges(BEAM, little, NEO), BEAM, little)):
         with pytest.raises(Stopped):
@@ -635,7 +635,7 @@ def test_the_options_of_a_search_reach_it(monkeypatch: pytest.MonkeyPatch) -> No
         asked.append(options)
         raise Stopped
 
-    monkeypatch.setattr(identification, "_search", stopped)
+    monkeypatch.setattr(whole_fit, "_search", stopped)
     with pytest.raises(Stopped):
         identify(NEO, [experiment(edges(law=NEO))], **given)  # type: ignore[arg-type]
     assert asked[0].pop("enough_mm") == 0.5

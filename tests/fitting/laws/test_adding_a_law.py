@@ -15,7 +15,7 @@ from eimi_fitting.beam.specimen import Magnet, Specimen
 from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.measurements import EdgeObservation, edge_curves, points_on
 from eimi_fitting.inference.evidence.tensile_curves import TensileCurve
-from eimi_fitting.inference.identification import identify
+from eimi_fitting.inference.identification.whole_fit import identify
 from eimi_fitting.laws import LAWS, CannotFit, NotInSolver, engineering_stress, fit_tensile
 from eimi_lab.config.materials import TrueMaterial
 from eimi_lab.fits.export import Material, material_card

@@ -13,7 +13,7 @@ import pytest
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.inference.evidence.quantity import Quantity
-from eimi_fitting.inference.identification import identify
+from eimi_fitting.inference.identification.whole_fit import identify
 from eimi_fitting.inference.interval.budget import BudgetEntry, MeasureNext
 from eimi_fitting.inference.interval.draws import Draws
 from eimi_fitting.inference.interval.estimate import FreedNuisance

@@ -20,7 +20,7 @@ from eimi_fitting.inference.planning.choice_of_law import Choice
 from eimi_fitting.laws import LAWS
 from eimi_fitting.laws.tensile import engineering_stress
 from eimi_lab.dataset.reading import open_dataset
-from eimi_lab.demonstration import Score
+from eimi_lab.face.demonstrating import Score
 from eimi_lab.fits.evidence import Evidence
 from eimi_lab.fits.grades import grade
 from eimi_lab.fits.records import FitRecord
@@ -42,9 +42,9 @@ from eimi_lab.reporting.panels.published_values import table_of_published
 from eimi_lab.reporting.panels.stress_strain import drawn_stress
 from eimi_lab.reporting.panels.uncertainty_budget import drawn_budget, shares
 from eimi_lab.reporting.residual_noise import ResidualNoise
-from eimi_lab.reporting.rounded import format_quantity, value_and_interval
 from eimi_lab.reporting.shown import ShownFit, chosen
 from eimi_lab.reporting.stress import TensilePoints, largest_strain, tensile_points
+from eimi_lab.showing.rounded import format_quantity, value_and_interval
 
 Shown = Callable[..., ShownFit]
 Judged = Callable[..., Validation]

@@ -1,5 +1,6 @@
 """Compute the 95 % intervals of the parameters of a fitted hyperelastic law.
 
+corrected_optimum    the optimum with corrections of the beam model, and its intervals
 covariance           the derivatives of the residuals at the optimum, and the covariance of the optimum
 noise                the part of the residuals that no error of an uncertain input explains
 considered           the effect of uncertain inputs, such as the width, on the residuals and on the fitted values

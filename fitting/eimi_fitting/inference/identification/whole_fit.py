@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from eimi_fitting.inference.corrected_optimum import refine
 from eimi_fitting.inference.doubts.cause_doubts import cause_doubts, is_as_stated
 from eimi_fitting.inference.doubts.causes import weighed_causes
 from eimi_fitting.inference.doubts.checks import (
@@ -41,7 +40,8 @@ from eimi_fitting.inference.evidence.polarity import freed_by_polarities
 from eimi_fitting.inference.evidence.sources import SOURCES
 from eimi_fitting.inference.evidence.tensile_curves import TensileCurve, TensileEvidence
 from eimi_fitting.inference.evidence.unknowns import NuisancePrior, Unknowns, nuisances
-from eimi_fitting.inference.fit import Fit
+from eimi_fitting.inference.identification.fit import Fit
+from eimi_fitting.inference.interval.corrected_optimum import refine
 from eimi_fitting.inference.searching.modulus_range import NothingConverged, narrowed, scanned, within
 from eimi_fitting.inference.searching.named_causes import doubtful_loads
 from eimi_fitting.inference.searching.search import (
