@@ -331,6 +331,10 @@ def test_an_answer_is_one_line_only_if_nothing_follows_it(reply: bytes, line: st
         (0.1 + 0.2, "0.1", "0.3"),
         (0.9999999996, "0.01", "1.00"),
         (0.999999994, "0.01", "0.99"),
+        (0.37, "0.05", "0.35"),
+        (-0.37, "0.05", "-0.35"),
+        (0.3, "0.0025", "0.3000"),
+        (25, "10", "20"),
     ],
 )
 def test_a_set_point_is_rounded_toward_zero_in_whole_steps(value: float, step: str, text: str) -> None:

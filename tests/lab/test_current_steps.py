@@ -62,7 +62,7 @@ def test_a_run_that_an_earlier_version_began_between_the_steps_is_continued_with
     warnings: list[str] = []
     with pytest.raises(Stopped):
         setup.run(on_event=stop)
-    setup.bench.supply.current_step_A = "0.2"
+    setup.bench.supply.current_step_A = "0.015"  # 0.1 A becomes 0.09 A, within ramp.tolerance_A
     setup.run(resume=True, on_event=lambda event: warnings.append(event.message) if isinstance(event, Warned) else None)
     assert [words for words in warnings if "currents rounded toward zero" in words]
     assert len(setup.stored()) == len(setup.protocol.currents_A)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from decimal import ROUND_DOWN, Decimal
+from decimal import Decimal
 
 _PADDING = b"\0 \t\r\n"
 _NUMBER = re.compile(rb"[ \t\r\n]*[+-]?(\d{1,12}\.?\d{0,12}|\.\d{1,12})([eE][+-]?\d{1,2})?[ \t\r\n\0]*")
@@ -16,7 +16,8 @@ SCPI uses 9.91E+37 for "not a number" and 9.9E+37 for infinity (SCPI-99, volume 
 
 def set_point_text(value: float, step: str) -> str:
     """Return a set-point as decimal text, rounded toward zero to a multiple of the step."""
-    return str(Decimal(repr(round(float(value), 9))).quantize(Decimal(step), ROUND_DOWN) + 0)  # + 0: no minus zero
+    whole_steps = Decimal(repr(round(float(value), 9))) // Decimal(step)  # the division rounds toward zero
+    return f"{whole_steps * Decimal(step) + 0:f}"  # + 0: no minus zero
 
 
 def number_in(reply: bytes) -> float | None:
