@@ -59,7 +59,7 @@ ALL = (
     Benchmark(
         "solid",
         "solid",
-        "The solid in three dimensions: patch tests, orders of convergence, cost.",
+        "The solid in three dimensions: patch tests, orders of convergence, sag under the weight compared with FElupe.",
         "why/section.md",
         short=("--short",),
     ),

@@ -118,7 +118,7 @@ _HOMES = {
 __all__ = sorted([*_HOMES, "__version__"])
 
 
-if not TYPE_CHECKING:  # a type checker shall know the names above alone
+if not TYPE_CHECKING:  # a type checker must know only the names above
 
     def __getattr__(name: str) -> Any:
         """Return the public object with this name, and load its module if necessary (PEP 562)."""

@@ -10,7 +10,7 @@ from eimi_fitting import BeamModel, Loads, Magnet, Specimen
 
 
 def main() -> float:
-    """Return the identified initial shear modulus, Pa. The points are simulated with 46 kPa."""
+    """Return the identified initial shear modulus, Pa. The points are simulated with a shear modulus of 46 kPa."""
     model = BeamModel(Specimen(30.0, 3.0, 5.0, 1070.0, "plane-stress", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0))).refined()
     field_mT = np.array([0.0, 2.0, 4.0, 6.0])
     shapes = model.solve(eimi.LAWS["neo-hookean"], np.array([[46e3]]), Loads.along(field_mT))

@@ -1,7 +1,7 @@
 """Test whether one bending test determines both C10 and C01 of a Mooney-Rivlin law.
 
 A change of C10 moves the edges, and so does a change of C01. If the two movements are proportional to each other, the
-pictures determine only a sum of C10 and C01.
+pictures determine only a weighted sum of C10 and C01.
 """
 
 import numpy as np

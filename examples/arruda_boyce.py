@@ -51,7 +51,7 @@ class ArrudaBoyce(InvariantLaw):
     units: tuple[str, ...] = ("Pa", "1")
     coordinates: tuple[Coordinate, ...] = (
         Coordinate("initial shear modulus", *SHEAR_MODULUS_PA),
-        Coordinate("1/lambda_m^2", 0.01, 0.7),  # the stress is almost linear in this one
+        Coordinate("1/lambda_m^2", 0.01, 0.7),  # the stress is almost linear in this coordinate
     )
 
     def from_coordinates(self, x: Array) -> Array:

@@ -155,7 +155,8 @@ comments, which you can edit.
 - The default "required" means that the file must have the key if it has the table of the key.
 - The beam frame has its origin at the middle of the line at which the beam leaves the clamp. In this frame, x points
   along the undeformed beam away from the clamp, and y points across the beam, to the side to which the field of a
-  positive current points.
+  positive current points. If calibration.toml has no `field_angle_deg`, y is turned by 90 degrees counter-clockwise
+  from x in the picture.
 - In the picture, x points to the right and y down. Angles are clockwise from +x.
 
 [The format](why/format.md) describes the results of a run: the dataset and `fits.json`.

@@ -86,10 +86,6 @@ class Coil:
     #     Bounds of the readings; a reading outside its bounds ends the run.
     # sense : callable
     #     Reads the sensors and returns their values by name.
-    # asked_A : float
-    #     Present set-point, A.
-    # simulated : bool
-    #     Whether the supply is simulated.
     # changed_s : float
     #     Time at which the set-point last changed, s on the clock.
     # leads_swapped : bool

@@ -85,7 +85,8 @@ def dry_run(
 ) -> None:
     """List the steps of a run and the messages to its supply, without using an instrument.
 
-    If the driver has no emulator (simulated supply), no messages are listed.
+    If the driver has no emulator in this program, no messages are listed. For a virtual supply, which exchanges no
+    messages, the messages to an emulated real supply are listed.
 
     Parameters
     ----------

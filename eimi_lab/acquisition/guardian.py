@@ -94,7 +94,7 @@ class Guardian:
 
     def __init__(self, ward: Ward, events: int | None = None) -> None:
         self._ward = ward
-        inherited = [] if events is None else [os.dup(events)]  # a copy, because 1 is the pipe to the run
+        inherited = [] if events is None else [os.dup(events)]  # a copy, because descriptor 1 is the pipe to the run
         with handed_down(*inherited) as (names, options):
             self._process = subprocess.Popen(
                 [sys.executable, "-P", "-m", f"{__name__}_process", json.dumps(asdict(ward)), *names],
@@ -135,7 +135,7 @@ class Guardian:
 
     def expect(self, identity: Identity) -> None:
         """Tell the guardian process which supply it must switch off if the run fails."""
-        # It switches no supply with another identity off.
+        # The guardian process does not switch off a supply with another identity.
         self._send(SUPPLY + json.dumps([identity.text, identity.serial_number]).encode())
 
     def recognise(self) -> None:

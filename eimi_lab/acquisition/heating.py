@@ -1,7 +1,7 @@
 """Predict the heat of the coil during a run, and refuse a protocol that would overheat the coil.
 
 The heat h (A²) is proportional to the temperature rise: τ dh/dt = I² − h, with the current I and the thermal time
-constant τ of the coil. The allowed heat is I₀², with the continuous current I₀ that the coil withstands forever.
+constant τ of the coil. The allowed heat is I₀², with the current I₀ that the coil can carry without a time limit.
 """
 
 from __future__ import annotations

@@ -66,7 +66,7 @@ class Interlocks:
 
     def restart(self) -> None:
         """Forget the times of all earlier readings."""
-        # Forget the times of all earlier readings, because there were none while the output was off.
+        # No readings were taken while the output was off, and this silence must not end the run.
         self._came_s.clear()
 
     def refuse_to_begin(self, readings: Mapping[str, float]) -> None:

@@ -24,7 +24,9 @@ from eimi_lab.dataset.moving.recording_checks import LOST, SLOW
 from eimi_lab.dataset.recordings import Moment
 from eimi_lab.dataset.steps import RingDownStep, SetPoint
 
-_LOOK_EVERY_S, _EARLY_S = 0.1, 0.5  # the second thread checks the supply so early that the run itself never has to
+# The second thread calls `Coil.watch` every _LOOK_EVERY_S. It checks the supply _EARLY_S before the check is due, so
+# that the run itself never has to check the supply.
+_LOOK_EVERY_S, _EARLY_S = 0.1, 0.5
 _NO_IMAGE = np.zeros((0, 0), np.uint8)  # replaces the image of a kept frame, so that no image stays in memory
 _SAME_PACE = 0.02  # largest relative difference of the rates of the camera's clock and the clock of the run
 _WAITED_S = 1.0  # the first or the last frames may have waited in the camera's buffers for this time

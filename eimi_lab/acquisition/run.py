@@ -358,7 +358,7 @@ def _with_first_and_last_event(begun: RunBegun, ending: _Ending, on_event: OnEve
         still_on = _failed_to_switch_off(error) if isinstance(error, StorageFailed) else None
         if still_on:
             send(Warned(message=str(error)))
-        reported = still_on or error  # that the coil may be on is more important than a full disk
+        reported = still_on or error  # a coil that may be on is more important than a full disk
         send(Fault(kind=type(reported).__name__, message=str(reported)))
         send(ending.event("failed", type(reported).__name__))
         if still_on:

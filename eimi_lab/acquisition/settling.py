@@ -97,7 +97,7 @@ def wait_until_settled(
         stop_if_asked()
         frame = camera.grab(GRAB_TIMEOUT_S)
         at = clock.now()
-        stop_if_asked()  # the camera may need long for a frame, and the band below takes as long
+        stop_if_asked()  # a frame may take long, and so does the computation of the band below
         image = mean_grey(frame.image)
         if past:
             previous = past[-1][1]

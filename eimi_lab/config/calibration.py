@@ -29,7 +29,8 @@ Angle = Annotated[float, Field(ge=-360.0, le=360.0)]
 DISTORTION_LENGTHS = (4, 5, 8, 12, 14)
 
 
-# Keys of later releases. If a calibration lacks them, its hash leaves them out, so that the hash stays the same.
+# Later releases added these keys. If a calibration lacks such a key, its hash is computed without the key, so that the
+# hash of an older calibration stays the same.
 _OF_LATER_RELEASES = ("background_field_mT", "field", "camera_tilt_deg", "ruler_px")
 _ROUNDING = 1e-9  # allowed rounding error of the sine of an angle
 LARGEST_CAMERA_TILT_DEG = 30.0
@@ -116,7 +117,9 @@ class Calibration(Document):
     calibrated_on: date | None = None
     """The day on which the values were measured."""
     uncertainty: OfCalibration | None = None
-    """Standard uncertainties, most with the keys of the values. 0 means exact; an absent key means unknown."""
+    """Standard uncertainties. Most keys are the keys of the values. 0 means exact. If a key is absent, the uncertainty
+    is unknown, and a fit takes the value as exact.
+    """
     picture: Picture | None = None
     """Information that helps the program to find the beam in the pictures."""
 

@@ -203,7 +203,9 @@ class Virtual(Table):
     frame_size_px: tuple[int, int]
     """Width and height of the frames."""
     mesh: tuple[int, int, int]
-    """Number of elements along the beam and across it, and the refinement factor in depth."""
+    """Number of elements along the beam and across it, and number of elements in each part of the depth in addition to
+    the usual number.
+    """
     optics: Optics = Optics()
     """Back-light, lens and sensor of the virtual camera."""
     materials: TrueMaterials

@@ -134,8 +134,8 @@ class Magnet(Table):
     """Length of silicone between the magnet and the tip."""
     magnetisation_angle_deg: float = Field(default=0.0, ge=-180.0, le=180.0)
     """Direction of the magnetisation in the unloaded beam. An angle of 0 points along the beam toward the tip, and an
-    angle of 90 points along the field of a positive current. Data sheets give an uncertainty of 3 to 5 degrees; 1
-    degree changes the modulus by 3 to 5 %.
+    angle of 90 points along the field of a positive current. Data sheets give a tolerance of 3 to 5 degrees; an
+    error of 1 degree changes the modulus by 3 to 5 %.
     """
 
 
@@ -158,8 +158,9 @@ class SpecimenFile(Document):
     tip_load: TipLoad | None = None
     """Point at which a tip force acts; by default the middle of the tip."""
     uncertainty: OfSpecimen | None = None
-    """Standard uncertainties, most with the keys of the values, such as width_mm, or magnet_width_mm for the width of
-    the magnet. 0 means exact; an absent key means unknown.
+    """Standard uncertainties. Most keys are the keys of the values, such as width_mm; the key for the width of the
+    magnet is magnet_width_mm. 0 means exact. If a key is absent, the uncertainty is unknown, and a fit takes the value
+    as exact.
     """
 
     @model_validator(mode="after")

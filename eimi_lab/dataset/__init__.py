@@ -9,7 +9,7 @@ lost_name         copying of an open dataset that another program moved, deleted
 storage_failure   the error for a dataset that can no longer be written
 frame_stream      compression and writing of frames in threads while the camera takes further frames
 recorded_frames   the frames of a free oscillation or of creep, read one at a time
-steps             the set-points of a run, and the current steps that began its free oscillations
+steps             the set-points of a run, and the steps of the current with which free oscillations began
 state             the class `State`: the loads and flags (defects) of one load step
 stored_states     the loads and flags of the load steps in the file
 stored_frames     the frames of the load steps in the file

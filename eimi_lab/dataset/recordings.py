@@ -82,7 +82,7 @@ class Recording:
 
 
 def planned(protocol: Protocol | None) -> tuple[str, ...]:
-    """Return the names of the recordings (frames beside those of the load steps) for which a protocol asks."""
+    """Return the names of the recordings (frames in addition to those of the load steps) for which a protocol asks."""
     if protocol is None:
         return ()
     is_planned = {
@@ -95,7 +95,7 @@ def planned(protocol: Protocol | None) -> tuple[str, ...]:
 
 
 def make_recordings(entry: h5py.Group, names: Sequence[str], image: NDArray[Any]) -> None:
-    """Create the HDF5 groups of empty recordings (frames beside those of the load steps) in a new dataset.
+    """Create the HDF5 groups of empty recordings (frames in addition to those of the load steps) in a new dataset.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def append_moments(
     moments: Sequence[Moment],
     beat: Callable[[], None],
 ) -> None:
-    """Append frames to a recording (frames beside those of the load steps). A crash leaves the file readable.
+    """Append frames to a recording (frames in addition to those of the load steps). A crash leaves the file readable.
 
     Parameters
     ----------
@@ -177,7 +177,7 @@ def append_times(
 
 
 def read_recording(entry: h5py.Group, name: str, states: int, only: int | None = None) -> Recording | None:
-    """Read the frames of a recording (frames beside those of the load steps).
+    """Read the frames of a recording (frames in addition to those of the load steps).
 
     Parameters
     ----------

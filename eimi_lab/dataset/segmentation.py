@@ -91,7 +91,7 @@ class Frames:
     def mean(self, index: int) -> NDArray[np.float32]:
         """Return the mean of the frames of a load step, shape (H, W), or (H, W, 3) with colours.
 
-        It is corrected with the dark and flat-field images if the dataset has them.
+        The mean is corrected by the dark frame and the flat field if the dataset contains these images.
         """
         image = state_mean(self.dataset.each_image(index))
         return image if self._correction is None else self._correction.apply(image)

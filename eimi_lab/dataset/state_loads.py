@@ -34,11 +34,15 @@ UNTIL_COLUMNS = {
 STATE_COLUMNS = {"state": Column("Instead of frame: number of the state in points.csv.", "0")}
 LOAD_COLUMNS = {
     "current_A": Column(
-        "Current of the coil. Give either current_A or field_mT. For the case without a coil, see field_mT.", "0.3"
+        "Current of the coil. Give either current_A or field_mT. A current other than 0 needs coil_constant_mT_per_A "
+        "in the calibration; without a calibration, as for points.csv, give field_mT. For the case without a coil, see "
+        "field_mT.",
+        "0.3",
     ),
     "field_mT": Column(
-        "Field at the magnet. Give either field_mT or current_A. Without a coil, give field_mT = 0. For pictures with "
-        "the column tip_force_N, both columns may then be absent.",
+        "Field at the magnet. Give either field_mT or current_A. If there is no coil, give field_mT = 0. Both "
+        "columns may be absent if there is no coil, if a calibration is given, and if the file has the column "
+        "tip_force_N.",
         "1.41",
     ),
     "tip_force_N": Column("Force at the tip, such as a weight.", "0.049", "0"),

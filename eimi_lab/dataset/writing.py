@@ -326,7 +326,7 @@ class DatasetWriter:
         self._keep_the_name()
 
     def append_recording(self, name: str, belongs_to: Sequence[int], moments: Sequence[Moment]) -> None:
-        """Store frames beside those of the load steps. These frames then survive a crash.
+        """Store frames in addition to those of the load steps. These frames then survive a crash.
 
         Raises ValueError if a frame differs from the frames of the file, and StorageFailed if the file cannot be
         written.

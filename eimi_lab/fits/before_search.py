@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 _WIDTH = 1.2  # ratio to the stated width, up or down; the flag WIDTH_ANOMALY reports smaller deviations
 _SAME = 0.06  # relative difference within which two widths are the same
-_MOST_A, _MOST_MT = 100.0, 500.0  # a coil on a bench does not exceed both
+_MOST_A, _MOST_MT = 100.0, 500.0  # assumed: no coil on a bench exceeds both limits
 _MOVED = 0.01  # motion of the tip, as a fraction of the beam's length
 
 

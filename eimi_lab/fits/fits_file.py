@@ -104,7 +104,7 @@ def _comparison(fits: Sequence[FitRecord | TensileRecord | RingDownRecord]) -> t
     if not has_noise:  # a file of an earlier release
         return choose([_candidate(fit, fit.identifiability.independent_points, fit.mean_error_mm) for fit in bending])
     data_of = [fit.identifiability for fit in bending]
-    # The error of the model is that of the best law, for all laws.
+    # For every law, the error of the model is set to the value of the best law, which has the smallest noise_mm.
     model_mm = min(data_of, key=lambda data: data.noise_mm or 0.0).model_mm
     return choose(
         [

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from eimi_lab.fits.records import FitRecord
 from eimi_lab.fits.validation import Validation
 
-_PREDICTED = 1.5  # a prediction succeeds if its error is below this many times that of the fitted states
+_PREDICTED = 1.5  # a prediction succeeds if its error is below this factor times the error of the fitted states
 
 
 @dataclass(frozen=True)

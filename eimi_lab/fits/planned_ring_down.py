@@ -31,7 +31,7 @@ FREQUENCY_SHARE = 5e-4
 """Assumed relative standard uncertainty of the measured frequency of a ring-down, including the error of the mesh."""
 RELAXATION_SHARE = 0.01
 """Assumed relative standard uncertainty of the relaxation of the modulus between a ring-down and the static states."""
-_LOSS = 0.1  # assumed for the effect of the air on the loss; it does not change the modulus
+_LOSS = 0.1  # assumed loss factor, for the effect of the air on the loss; this factor does not change the modulus
 _STEP = 1.05
 _MAGNETIC = ("moment", "coil", "remanence")  # sources that only multiply the magnetic load
 

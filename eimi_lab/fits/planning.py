@@ -210,7 +210,8 @@ def mountings(
 def number_of_states(given: int | None, protocol: Protocol, both_polarities: bool) -> int:
     """Return the number of states (load steps) of a plan: the given number, or the number of the protocol.
 
-    A run with both signs of the current has an even number of states: an odd number of the protocol is one too many.
+    A run with both signs of the current has an even number of states. If the number of the protocol is odd, such a run
+    has one state less.
 
     Raises
     ------

@@ -24,7 +24,7 @@ from eimi_lab.process.errors import InputError
 Array = NDArray[np.float64]
 
 _LONG_S = 1e3  # assumed duration of a load that was present before the recording
-_DWELL_S = 30.0  # assumed time between states without a clock
+_DWELL_S = 30.0  # assumed time between states if the dataset has no increasing times of the states
 
 
 @dataclass(frozen=True)

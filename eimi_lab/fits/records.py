@@ -399,7 +399,7 @@ _IF_ANY = (
     "if_uncertain",
     "causes",
     "time",
-)  # keys of later releases, which a file has only if they hold something
+)  # later releases added these keys; a file contains such a key only if its value is not empty
 
 
 def _with_dataset_index(doubt: Doubt, evidence: Sequence[Evidence]) -> Doubt:

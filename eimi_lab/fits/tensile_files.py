@@ -31,10 +31,12 @@ COLUMNS = {
     "stress_kPa": Column("Instead of stress_Pa.", "24"),
     "stress_MPa": Column("Instead of stress_Pa.", "0.024"),
 }
-MOST_STRAIN = 100.0  # 10 000 %; the softest gels tear below 30
+MOST_STRAIN = 100.0  # 10 000 %; assumed: the softest gels tear below a strain of 30 (3000 %)
 LIKELY_PERCENT = 15.0
-"""Largest plausible strain as a fraction. Silicones tear below 12 (1200 %); larger numbers are likely per cent."""
-MOST_STRESS_PA = 1e12  # the modulus of diamond
+"""Largest plausible strain as a fraction. Silicones are assumed to tear below a strain of 12 (1200 %), so that a larger
+number is probably in per cent.
+"""
+MOST_STRESS_PA = 1e12  # about Young's modulus of diamond, which no stress in a silicone reaches
 WINDOWS = ("20", "50", "100", "full")
 _ROWS = 5  # fewest rows of a curve in its window, from which its noise can be estimated
 _DATABASE_STRAIN, _DATABASE_STRESS = "Engineering Strain", "Engineering Stress (MPa)"

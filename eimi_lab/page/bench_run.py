@@ -337,7 +337,7 @@ class BenchRun:
         self.progress.off_by = event.determined_by if isinstance(event, OffConfirmed) else ""
         if state in ("on", "switching off"):
             self._answered.clear()
-        else:  # off, or a coil that may still be on
+        else:  # the coil is off, or it is unknown whether the coil is off
             self._answered.set()
 
     async def _hear(self, events: int) -> None:
@@ -348,7 +348,7 @@ class BenchRun:
         if self.progress.coil in (
             "on",
             "switching off",
-        ):  # no event confirmed the coil; a run without a guardian is simulated
+        ):  # no event confirmed that the coil is off; a run without a guardian has a simulated supply
             self._coil("unknown" if self.progress.guardian else "off")
         self._has_ended()
 

@@ -209,7 +209,7 @@ def serve(folder: Path, host: str, port: int, say: Callable[[str], None], view: 
 
 
 class _Server(uvicorn.Server):
-    """A web server that shuts down in order after every signal that stops the program, also after SIGHUP.
+    """A web server that shuts down in an orderly way after every signal that stops the program, also after SIGHUP.
 
     The attribute ``asked`` lists the received signals.
     """

@@ -34,7 +34,8 @@ class Worker:
         InputError
             If the process crashed, or if the call took too long.
         """
-        async with self._turn:  # a task is handed over when the one before has ended: a wait is not part of its time
+        # A task is handed over after the previous task has ended, so that the wait does not count toward LONGEST_S.
+        async with self._turn:
             if self._pool is None:
                 start_resource_tracker()
                 self._pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), _begin)

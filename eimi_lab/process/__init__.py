@@ -2,7 +2,7 @@
 
 errors         define the error for wrong input, and print messages
 progress       show the progress of long work
-stopping       end the program in order after a signal
+stopping       end the program in an orderly way after a signal
 stderr         write to standard error without waiting for a reader
 threads        use one thread for linear algebra
 garbage        collect garbage less often, and reuse freed memory

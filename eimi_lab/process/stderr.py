@@ -192,7 +192,7 @@ def library_words() -> Iterator[list[str]]:
     Yields
     ------
     list of str
-        An empty list, which contains the lines after the end of the context.
+        A list that is empty within the context, and contains the lines after the end of the context.
     """
     lines: list[str] = []
     with _captured, tempfile.TemporaryFile() as printed:

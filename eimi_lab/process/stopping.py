@@ -1,4 +1,4 @@
-"""End the program in order after a signal: `Stopped` is raised, files are closed and coils are switched off."""
+"""End the program in an orderly way after a signal: raise `Stopped`, close the files and switch the coils off."""
 
 from __future__ import annotations
 

@@ -246,9 +246,8 @@ def started(
     Yields
     ------
     callable or None
-        A function that returns the started executor at its first call, and a new executor later; None if ``executor``
-        is
-        None.
+        A function that returns the started executor at its first call, and a new executor at each later call; None if
+        ``executor`` is None.
     """
     if executor is None:
         yield None

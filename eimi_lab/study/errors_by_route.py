@@ -32,7 +32,7 @@ def errors_of(routes: Sequence[Route], experiment: Experiment) -> list[dict[str,
     list of dict
         For each law: `error_mm` and `deviation_mm` (root mean square and standard deviation of the distances of the
         measured points from the simulated edges) in each state, and the simulated `edges_mm` in the last state, with
-        the axes left and right edge, point, x and y. None if the beam has no equilibrium.
+        the axes left and right edge, point, x and y. The three values are None if the beam has no equilibrium.
     """
     stored: list[dict[str, Any]] = []
     depth: tuple[Correction, ...] = ()
@@ -66,7 +66,7 @@ def mean_error_um(stored: dict[str, Any]) -> float:
 
 
 def mean_deviation_um(stored: dict[str, Any]) -> float:
-    """Return the mean over all states of the standard deviation of the distances between true and simulated edges (µm).
+    """Return the standard deviation of the distances of measured points from simulated edges (µm), mean over states.
 
     The result is infinity if a beam had no equilibrium. `stored` is an element of the result of `errors_of`.
     """

@@ -23,10 +23,11 @@ from eimi_lab.study.hidden_materials import MATERIALS, HiddenMaterial
 
 Array = NDArray[np.float64]
 
-NOISE_MM = 4e-4  # 0.01 px at 25 px/mm: the residual of fits to pictures of the virtual rig, see fitting/README.md
-TWISTED, TWIST_DEG = "type4", 1.0  # at the tip in the strongest field
+NOISE_MM = 4e-4  # 0.01 px at 25 px/mm: the RMS error of edges in the nominal picture, see docs/why/edges.md
+TWISTED, TWIST_DEG = "type4", 1.0  # assumed rotation (degrees) of the tip about its axis in the strongest field
 COIL_mT_PER_A = 4.7
-_MESH = (26, 3, 1)  # elements along, across and in depth; the solid of a fit has 20, 2 and 1
+# Elements along and across, and additional elements in each part of the depth. The solid of a fit has 20, 2 to 4 and 0.
+_MESH = (26, 3, 1)
 _AT_ENDS = 4  # points of an edge that are not measured at the clamp; half as many at the tip
 
 
@@ -37,7 +38,7 @@ def field_mT(material: HiddenMaterial, extent: Extent) -> Array:
 
 
 def specimen_of(kind: str) -> Specimen:
-    """Return a beam of Di Lecce et al. 2022 (`type1` to `type4`: four sizes), with a solid cross-section."""
+    """Return a beam of this project (`type1` to `type4`: four sizes, see protocols/specimens), with a solid section."""
     return replace(load_specimen(kind).mechanics(), section="solid")
 
 

@@ -55,7 +55,7 @@ class StudyInputs:
 
 @dataclass(frozen=True)
 class Findings:
-    """All results of a study. Section: the model of the cross-section, plane strain or solid.
+    """All results of a study. A section is a model of the cross-section: plane strain or solid.
 
     Attributes
     ----------

@@ -79,7 +79,8 @@ class VirtualBeam:
     material
         The true material of the specimen.
     mesh
-        Number of elements along and across the beam, and the refinement factor in depth.
+        Number of elements along and across the beam, and number of elements in each part of the depth in addition to
+        the usual number.
     loads
         The loads as a function of the field of the coil.
     strongest_mT

@@ -83,8 +83,8 @@ class MovingOutlines:
         magnet : ndarray, shape (4, 2), or None
             The corners of the magnet, mm; None without a magnet.
         """
-        # The solid in the field in which the tip of the rod at rest has the same angle as the tip of the moving rod,
-        # moved by the difference between the moving rod and the rod at rest in this field.
+        # Take the solid in the field in which the tip of the rod at rest has the same angle as the tip of the moving
+        # rod. Move its outlines by the difference between the moving rod and the rod at rest in this field.
         field = float(np.interp(self._rod.end @ coordinates, self._turned, self._fields))
         shift = self._rod.places_mm(coordinates, self._along, self._across)
         shift = shift - self._rod.places_mm(self._at_rest(field), self._along, self._across)

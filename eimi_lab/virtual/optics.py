@@ -88,8 +88,8 @@ def make_scene(
         transmitted = cv2.GaussianBlur(
             transmitted, (0, 0), optics.blur_px * oversampling, borderType=cv2.BORDER_REPLICATE
         )
-    # With 1, an edge is displaced along the pixel rows by up to 0.01 px, for a blur of 1 px; with 2, by 0.002 px, in
-    # four times the time.
+    # For a blur of 1 px, oversampling = 1 displaces an edge along the pixel rows by up to 0.01 px. With the value 2,
+    # the displacement is at most 0.002 px, and the computation takes four times as long.
     if oversampling > 1:
         transmitted = cv2.resize(transmitted, size, interpolation=cv2.INTER_AREA)
     # The blur is applied before the multiplication with the illumination, which varies slowly over the picture.

@@ -69,7 +69,8 @@ def stiffness_of_solid(
     values : tuple of float
         Parameters of the law, moduli in Pa.
     mesh : tuple of int
-        Numbers of elements of the solid along and across the beam, and the refinement factor in depth.
+        Numbers of elements of the solid along and across the beam, and number of elements in each part of the depth in
+        addition to the usual number.
 
     Raises
     ------
@@ -115,7 +116,7 @@ def stiffness_of_solid(
         of_hinge = moment * (by_torque - length / bending)
         excess = by_large - by_torque * moment
         softening = float(excess * length**2 / (by_large - of_hinge) ** 3)
-        # A part of it is due to the change of length of the bent rod, which follows from by_strain.
+        # A part of the softening is due to the change of length of the bent rod; by_strain already contains this part.
         softening -= 0.5 * by_strain**2 * _bending_m4(specimen) / (3 * _section_m2(specimen))
     return Stiffness(length, 1 / max(by_torque - length / bending, 1e-9) / modulus, softening, by_strain)
 
@@ -243,7 +244,7 @@ class Rod:
 
     def strain_rate(self, z: Array, speed: Array) -> Array:
         """Return the time derivative of `strain`."""
-        # 1/s, (n,). z, speed: the generalised coordinates, and their rates in 1/s, (n,).
+        # The result is in 1/s, shape (n,). `z` are the generalised coordinates, `speed` their rates in 1/s, both (n,).
         rate, stretch = speed.copy(), slice(self._first_stretch, self._first_stretch + _STRETCHING)
         bent, bending = self._bends @ z[:_BENDING], self._bends @ speed[:_BENDING]
         stretched, stretching = self._stretches @ z[stretch], self._stretches @ speed[stretch]

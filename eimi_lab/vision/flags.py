@@ -18,7 +18,7 @@ def _motion_px(ratio: float) -> float:
     return math.sqrt(max(ratio - 1.0, 0.0) / 30.0)
 
 
-# In the order in which a person would look into them: first the checks of one image, then those that compare frames.
+# The checks of one image come first, and the checks that compare frames follow. A person would check in this order.
 CHECKS = (
     Check(
         name="LOW_CONTRAST",

@@ -21,7 +21,9 @@ EDGE_BAND_PX = 4
 EDGE_SHARE = 0.25  # of the steepest gradient
 SMOOTHING_PX = 1.5  # standard deviation of the Gaussian before the gradient
 REACH_PX = 7  # of the gradient: 6 for the Gaussian, 1 for the Sobel operator
-STEEPEST_STEP = 2 * 2**0.5  # bound of the gradient of grey values from 0 to 1, smoothed: 4 (k0 + k1) sqrt(2) is 2.71
+# An upper bound of the gradient of smoothed grey values from 0 to 1. The largest value is 4 (k0 + k1) sqrt(2) = 2.71,
+# where k0 and k1 are the two largest different weights of the Gaussian.
+STEEPEST_STEP = 2 * 2**0.5
 ROUNDING = 1e-5  # rounding error of the gradient, as a share of the largest grey value
 STRIP_ROWS = 64
 SPARE_COLUMNS = 64  # computing the steepness of so many more columns takes as long as another computation

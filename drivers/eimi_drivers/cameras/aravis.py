@@ -373,7 +373,8 @@ class AravisCamera:
             self._aravis.release(self._objects.pop())
 
 
-# Aravis waits up to 5 s for the answer of a camera that was disconnected, so that the caller must not wait.
+# Aravis waits up to 5 s for the answer of a camera that was disconnected. Calls are therefore made in a separate
+# thread, and the caller need not wait.
 class _ControlChannel:
     """A thread that makes calls to a camera one after the other."""
 

@@ -29,7 +29,8 @@ def open_camera(driver: str, source: str | int, settings: CameraSettings = NO_SE
         A name in `CAMERAS`.
     source : str or int
         The camera. For "opencv": a device index, a video file, a folder of images, or a pattern such as ``f_%03d.png``.
-        For "basler" and "gentl": a serial number. For "aravis": a serial number or an IP address.
+        For "basler": a serial number, or an index in the list of attached cameras. For "gentl": a serial number, or the
+        identifier that the producer gives to the camera. For "aravis": a serial number or an IP address.
     settings : CameraSettings
         The settings that are applied before the first frame.
 

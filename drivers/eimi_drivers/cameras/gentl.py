@@ -252,7 +252,9 @@ class GenTLCamera:
         """Discard the frames that were exposed before this call."""
         self._counting, self._to_skip = False, 0 if self.settings.trigger else FRAMES_ON_THE_WAY
         with self._errors_named():
-            for _ in range(BUFFERS):  # there are no more frames from before; a fast camera always has a newer one
+            # At most BUFFERS frames from before this call are stored. A fast camera always has a newer frame, so that a
+            # loop without this limit would not end.
+            for _ in range(BUFFERS):
                 if self._closed or (buffer := self._fetched(SHORTEST_S)) is None:
                     return
                 self._queue(buffer)

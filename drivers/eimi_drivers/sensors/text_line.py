@@ -37,7 +37,8 @@ class TextLine(SensorBase):
         """Return the identity from the answer to ``*IDN?``, after the board has started.
 
         Raises AnotherSensor if the identity has changed since the driver was opened, and ReplyNotUnderstood if the
-        board sends readings instead of an identity, or several lines in a second without a query.
+        board sends readings instead of an identity, or if a board on a serial port sends `LINES_AT_START` lines without
+        a query at intervals below `QUIET_S` (s).
         """
         if self._bound is not None:
             return super().identify()

@@ -305,7 +305,8 @@ class SupplyBase(Conversation, ABC):
         stages: tuple[tuple[str, Callable[[], None]], ...] = (
             ("current to zero", lambda: self._send_current(set_point_text(0.0, self.current_step_A))),
             ("output off", lambda: self._send_output(False)),
-            ("current to zero", lambda: self._verify_current(0.0)),  # late: the query is slow on a serial line
+            # This query is slow on a serial line. It therefore follows the message that switches the output off.
+            ("current to zero", lambda: self._verify_current(0.0)),
             ("read back", lambda: self._verify_output(False)),
         )
         return failed_stages(stages, self._link.address)

@@ -73,8 +73,8 @@ class GenesysSupply(SupplyBase):
     """Driver of one TDK-Lambda Genesys supply on a serial line that several supplies can share.
 
     The channel in the address, such as ``#6``, is the number of the supply on the line. The driver switches the
-    foldback protection off, which trips in constant current. The over-voltage protection is set above the voltage limit
-    of the driver.
+    foldback protection off, because this protection trips in constant current. The over-voltage protection is set
+    above the voltage limit of the driver.
     """
 
     name = "genesys"

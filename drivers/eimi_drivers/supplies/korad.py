@@ -30,9 +30,10 @@ With some firmware a bit means that the protection has tripped, with other firmw
 """
 
 WHOLE_IDENTITY_GAP_S, IDENTITY_GAP_S = 0.05, 0.3
-"""Longest wait (s) for the next byte of the identity: after a text that ends as an identity usually does, or else.
+"""Longest waits (s) for the next byte of the identity.
 
-The identity has no terminator. A serial line over a network can deliver it in two pieces.
+The first wait is used after a text that ends as an identity usually does, the second wait after any other text. The
+identity has no terminator. A serial line over a network can deliver it in two pieces.
 """
 
 _WHOLE_IDENTITY = re.compile(rb".*V\d\.\d( SN:\d{8})?[\s\0]*", re.DOTALL)
@@ -44,8 +45,8 @@ _VOLTS = re.compile(rb"\d{2}\.\d{2}")
 class KoradSupply(SupplyBase):
     """Driver of a one-channel Korad supply on a serial line (9600 bit/s).
 
-    The driver switches the over-current protection off, which trips as soon as the current reaches its set-point. The
-    supply still limits the current to the set-point.
+    The driver switches the over-current protection off, because this protection trips as soon as the current reaches
+    its set-point. The supply still limits the current to the set-point.
     """
 
     name = "korad"

@@ -30,7 +30,10 @@ from eimi_drivers.testing.claims import claim, must_raise, run_checks, within
 
 PATIENCE_S = 60.0
 CALL_WITHIN_S = 2.0
-"""The longest permitted duration of a call, s, on the clock of the sensor."""
+"""The longest permitted `timeout_s`, and the longest permitted duration of a `read` without a valid answer, s.
+
+The duration is measured on the clock of the sensor. In real time, twice this duration is permitted.
+"""
 
 
 @dataclass

@@ -1,7 +1,8 @@
 """Make a calibration (clamp, direction of the beam, scale) from points that the user clicked on the beam at rest.
 
-With ξ = distance from the clamp / length, a uniform load bends the beam in the shape (ξ⁴ - 4 ξ³ + 6 ξ²) / 3, a tip load
-in the shape (3 ξ² - ξ³) / 2 (S. Timoshenko, Strength of Materials, part I, 1955, section 39).
+Let ξ be the distance from the clamp divided by the length. A uniform load bends the beam into the shape
+(ξ⁴ - 4 ξ³ + 6 ξ²) / 3, and a load at the tip bends the beam into the shape (3 ξ² - ξ³) / 2 (S. Timoshenko, Strength of
+Materials, part I, 1955, section 39).
 """
 
 from __future__ import annotations

@@ -105,7 +105,8 @@ def tip_angle_sigma_deg(edges: EdgeSet) -> float:
         end = _end(edge.points_mm)
         points_mm = edge.points_mm[end]
         spread_mm2 = np.sum((points_mm - points_mm.mean(axis=0)) ** 2)
-        variance += np.mean(edge.sigma_mm[end] ** 2) / spread_mm2 / 4  # of a line's slope; the mean of two lines
+        # The variance of the slope of a line is divided by 4, because the direction is the mean of two lines.
+        variance += np.mean(edge.sigma_mm[end] ** 2) / spread_mm2 / 4
     return float(np.degrees(np.sqrt(variance)))
 
 

@@ -15,8 +15,8 @@ _BIN_PX = 0.25
 _REACH_IN_BLURS = 4.0
 _FEWEST_BINS = 12
 _FEWEST_IN_BIN = 4
-_CERTAIN = 0.1  # largest standard deviation of gamma that is accepted,
-_CLEARLY_BENT = 4.0  # unless gamma exceeds 1 by this many standard deviations
+_CERTAIN = 0.1  # a gamma is accepted if its standard deviation is below this limit
+_CLEARLY_BENT = 4.0  # a gamma is also accepted if it exceeds 1 by more than this number of standard deviations
 _CLEARLY_STRAIGHT = 0.1  # a first estimate of gamma this close to 1 is not refined
 # Of scale, dark, offset (px), blur (px) and gamma.
 _BOUNDS = ([0.5, 0.0, -3.0, 0.2, 0.3], [1.5, 0.95, 3.0, 10.0, 5.0])

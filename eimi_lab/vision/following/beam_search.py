@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 
 WIDTH_PX = 16.0  # of the beam in the working picture, in which the places across it are 1.6 px apart
 _KEPT = 300  # strips after each step
-_BEHIND = 4.0  # of score, several full steps: a strip this far behind the best one does not catch up
+_BEHIND = 4.0  # a strip is dropped if its score is lower than the best score by this gain of several full steps
 _CELL = 0.2  # widths: of several strips that end in the same cell and direction only the best is kept
 _CELL_RAD = math.radians(6.0)
 _SEED_AT = 0.5  # widths from the clamp; the other ranges of the seeds follow

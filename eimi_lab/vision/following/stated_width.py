@@ -11,8 +11,8 @@ from eimi_lab.vision.following.unrolled import UnrolledPicture
 
 Array = NDArray[np.float64]
 
-_WIDER = 0.15  # logarithm of the width over the stated width, from which another edge is sought
-_AS_STATED = 0.1  # the same of the other edge: a width read by eye has about this error
+_WIDER = 0.15  # another edge is sought if the logarithm of (width / stated width) is at least this number
+_AS_STATED = 0.1  # largest magnitude of this logarithm with the new edge: a width read by eye has about this error
 _TOLERANCES = (0.3, 0.2)  # widths, of the two passes: about the place that the stated width gives, then about the seam
 _LEAST_SUPPORT = 0.7  # mean of the other edge; a full step has the support 1
 _LEAST_SEPARATION = 3.0  # median of the other edge, in standard deviations between inside and outside

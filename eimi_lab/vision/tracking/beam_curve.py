@@ -14,8 +14,8 @@ Array = NDArray[np.float64]
 DEGREE = 6
 _NODES = 129
 _STIFF = 1e-4  # weight of the regularisation per point; parts of the beam without points keep their direction
-_USUAL_STIFF = 2e-4  # the same for the return to a usual curve
-_USUAL_ROOT = 0.05  # weight per point of the usual root
+_USUAL_STIFF = 2e-4  # weight per point with which the direction is pulled toward that of the curve `usual`
+_USUAL_ROOT = 0.05  # weight per point with which the first point is pulled toward that of the curve `usual`
 
 _OF_NODES = chebyshev.chebvander((2.0 * np.arange(_NODES - 1) + 1.0) / (_NODES - 1.0) - 1.0, DEGREE)
 """The Chebyshev polynomials midway between neighbouring nodes of the arc length, shape (nodes - 1, DEGREE + 1)."""

@@ -26,7 +26,7 @@ _FEWEST = 0.5  # smallest share of the stations at which the beam has to be seen
 _LINES_PX = np.arange(AVERAGED_PX) - 0.5 * (AVERAGED_PX - 1)
 _SEARCH = 1.0  # largest shift in the first search, in widths of the beam
 _WIDER_SEARCH = 3.0
-_MARGIN_PX = 30.0  # of the pictures beyond a search
+_MARGIN_PX = 30.0  # additional distance from the beam up to which a frame is converted to grey values
 _CLOSE_PX = 1.0  # the edges are measured again if the curve was farther from their middle
 _OFF_CURVE_PX = 3.0  # an edge point farther from the smooth curve is dirt or a reflection
 

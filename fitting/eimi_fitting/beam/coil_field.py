@@ -160,8 +160,9 @@ class CoilShape:
         # The derivatives by x and y that ``gradient_per_m`` adds to those of `ratio`, in 1/mm.
         along, across = np.array(self.axis), np.array([-self.axis[1], self.axis[0]])
         h, g = 1e-3 * np.array(self.gradient_per_m) @ np.stack([along, across], axis=1)
-        # h and g are the derivatives of the component along the axis, along and across it. The field has no curl and no
-        # divergence, so that those of the component across the axis are g and -h / 2, if the derivatives in both
+        # h and g are the derivatives of the field component along the axis of the coil: h in the direction along the
+        # axis, g in the direction across the axis. The field has no curl and no divergence. The component across the
+        # axis therefore has the derivatives g (along the axis) and -h / 2 (across the axis), if the derivatives in both
         # directions across the axis are equal.
         return np.asarray((h + 1j * g) * along + (g - 0.5j * h) * across)
 
@@ -186,7 +187,8 @@ class DipoleInField:
         # ``rigid`` (B, 3): translation of the body in mm and rotation in rad. Force in N and torque in N mm: (B, 3).
         # Stiffness: (B, 3, 3).
         # The load is minus the first derivative of the energy -m . B, and the stiffness is the second derivative. The
-        # error of one dipole for a magnet is proportional to the second derivatives of B. They cancel for a cube.
+        # error of the replacement of a magnet by one dipole is proportional to the second derivatives of B. For a cube,
+        # the contributions of these derivatives cancel.
         turn = np.exp(1j * rigid[:, 2])
         arm = turn * (self.arm_mm @ [1, 1j])
         place = self.reference_mm + rigid[:, :2] + np.stack([arm.real, arm.imag], axis=1)

@@ -98,7 +98,7 @@ class DepthEffect:
 
     @property
     def places_of_base(self) -> tuple[float, ...]:
-        """The tip rotation 0 if the difference there is that of a similar law, else empty."""
+        """The tip rotation 0, at which the difference is that of a similar law; empty if there is no similar law."""
         return (0.0,) if self.base and self.by_turn else ()
 
     @cached_property

@@ -21,8 +21,9 @@ Array = NDArray[np.float64]
 # With this grading the tip of a slender beam on 13 x 1 elements has a seventh of the error of equal elements.
 _FINER_AT_CLAMP, _FINER_AT_MAGNET = 10.0, 5.0
 _FINER_AT_CORNER = 3.0  # across, toward the corners of a narrower magnet
-# Share of the width: silicone on a magnet that is thinner moves rigidly. On the sides this moves the tip by 0.05 %,
-# whereas very thin elements would make Newton's method take ten times as many steps.
+# Share of the width of the beam. A layer of silicone on a magnet moves rigidly with the magnet if it is thinner than
+# this share. For the layers on the sides, this changes the displacement of the tip by 0.05 %. With very thin elements
+# instead, Newton's method would take ten times as many steps.
 THINNEST = 0.02
 _SAME_MM = 1e-3  # points that are nearer are the same
 

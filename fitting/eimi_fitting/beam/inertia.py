@@ -13,7 +13,7 @@ from eimi_fitting.beam.solid_model import SolidModel
 
 Array = NDArray[np.float64]
 
-MM_PER_M = 1e3  # kg m/s² = N: a mass in kg times an acceleration in mm/s² is 1e3 N
+MM_PER_M = 1e3  # 1 kg = 1 N s²/m = 1e-3 N s²/mm: a mass in kg is divided by this number
 
 
 class Inertia:

@@ -19,8 +19,8 @@ PLACE = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])
 """The index of the component (row, column) of a symmetric tensor among its six components, shape (3, 3)."""
 
 _FIRST, _SECOND = (0, 1, 2, 0, 1, 0), (0, 1, 2, 1, 2, 2)
-# Two stretches whose logarithms differ by less are taken as equal. The error of the limit grows with the square of the
-# difference, that of the quotient with its inverse.
+# Two stretches are taken as equal if their logarithms differ by less than this number. The error of the limiting value
+# is proportional to the square of the difference. The rounding error of the quotient is inversely proportional to it.
 _EQUAL = 1e-5
 
 

@@ -30,7 +30,8 @@ BULK_RATIO = 1e4  # bulk over shear modulus of an incompressible material: chang
 # errors keep Newton's method from converging.
 _MOST_BULK_RATIO = 1e8
 _CUTS = (1, 4, 16, 64)
-_FEW = 6  # most iterations of a step that stays on its path; one less to a tolerance looser than _LOOSE_MM
+# Largest number of iterations of a step that stays on its equilibrium path. It is 5 if the tolerance exceeds _LOOSE_MM.
+_FEW = 6
 _LOOSE_MM = 1e-3
 _FAILED = (Status.DIVERGED, Status.OUT_OF_ITERATIONS)
 _OF_STRAIN, _SMALL_STRAIN = 1.5, 0.02  # a strain is as predicted if it is below 1.5 times the predicted one plus 0.02
@@ -262,7 +263,8 @@ def _advance(
     # ``rows``: the candidates. ``path``: the equilibria under earlier loads. ``now``: the configurations, which are
     # overwritten.
     status = np.full(len(rows), Status.DIVERGED, np.int8)
-    lost = np.zeros(len(rows), bool)  # whether a candidate buckled in the last attempt, certainly on its path
+    # Whether a candidate buckled in the last attempt, with a solution that is certainly on its equilibrium path.
+    lost = np.zeros(len(rows), bool)
     iterations = np.zeros(len(rows), np.intp)
     unfinished = np.arange(len(rows))  # places in ``rows`` that have not arrived
     for cuts in _CUTS if near is None else (0, *_CUTS):
@@ -371,7 +373,8 @@ def _extrapolate(path: Path, load: Array) -> Configuration | None:
     for earlier, configuration in path[: -_MOST_POINTS - 1 : -1]:
         offset = earlier - path[-1][0]
         t = float(offset @ direction) / length2
-        # Use no earlier point once one is off the line, ahead, or so close to another that the polynomial would swing.
+        # The points are used up to the first one that does not lie on the line of the loads, or that is not at least
+        # 0.2 steps before the point that was used last. With closer points, the polynomial would oscillate.
         if np.linalg.norm(offset - t * direction) > 1e-9 * np.sqrt(length2) or (places and t > places[-1] - 0.2):
             break
         places.append(t)

@@ -22,8 +22,10 @@ Array = NDArray[np.float64]
 
 _FINE = 512  # intervals of the integration of the centre line; Simpson's error is below 1e-9 of the length
 _STEP = 0.1  # length of the ramp that stands for a step, as a share of the change of the width
-_ROOM = 0.4  # largest ramp, as a share of the distance to the next step: a narrow rib keeps both ramps and a flat top
-_TO_ROW = 0.9  # the same, as a share of the distance to the next row: the rows stay in order
+# Largest length of a ramp, divided by the distance to the next step. A narrow rib thus has two ramps and a flat top.
+_ROOM = 0.4
+# Largest length of a ramp, divided by the distance to the next row of the table. The rows thus stay in order.
+_TO_ROW = 0.9
 
 
 class ImpossibleShape(ValueError):

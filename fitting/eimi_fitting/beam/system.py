@@ -120,7 +120,9 @@ class System:
         sound = factor.sound & np.isfinite(schur).all(axis=(1, 2))
         matrix = np.where(sound[:, None, None], schur[..., 1:], np.eye(3))
         determinant = np.linalg.det(matrix)
-        # With the nodes' matrix and the Schur complement the whole one is positive definite (Sylvester's criterion).
+        # The whole matrix is positive definite if the matrix of the nodes and the Schur complement are positive
+        # definite. The Schur complement is positive definite if its leading principal minors are positive
+        # (Sylvester's criterion).
         minor = matrix[:, 0, 0] * matrix[:, 1, 1] - matrix[:, 0, 1] * matrix[:, 1, 0]
         positive = (matrix[:, 0, 0] > 0) & (minor > 0) & (determinant > 0)
         indefinite = factor.indefinite | ~positive if symmetric else factor.indefinite

@@ -85,7 +85,8 @@ def twist_per_tilt(
     system[..., :2, 2:] = flexible
     system[..., 2:, :2] = np.einsum("ksi,ksj->ksij", around, normal)  # (omega x t) . z = -omega . n
     transfer = scipy.linalg.expm(spacing[..., None, None] * system)
-    # Unit moments at the clamp, then the combination that fulfils the condition at the magnet.
+    # The solutions for two unit moments at the clamp are computed, and then their combination that fulfils the
+    # condition at the magnet.
     states = [np.broadcast_to(np.eye(4)[:, 2:], (len(middle_mm), 4, 2))]
     for index in range(transfer.shape[1]):
         states.append(transfer[:, index] @ states[-1])

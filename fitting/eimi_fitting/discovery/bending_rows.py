@@ -31,9 +31,8 @@ Array = NDArray[np.float64]
 
 BENT_STRAIN = 0.1  # typical largest strain of a bent beam (assumed)
 _STEP = 0.01  # size of a finite difference, as a share of the stress at BENT_STRAIN
-_MODEL = (
-    0.0015 / 1.96
-)  # standard deviation of the modulus by mesh and interpolation, see `inference.interval.corrected_optimum`
+# Standard deviation of the modulus by mesh and interpolation, see `inference.interval.corrected_optimum`.
+_MODEL = 0.0015 / 1.96
 _TOLERANCE_MM = 1e-4  # length of the last Newton step; the equilibrium is then exact to far below 0.1 micrometre
 _STIFFNESS_FACTORS = (1.0, 1.01, 0.99, 1.03)  # tried in this order until every beam has an equilibrium
 

@@ -59,8 +59,8 @@ class MooneyRivlin(InvariantLaw):
         """
         # The law is stable where D = C10^2 I2 + C01^2 I1 + C10 C01 (I1 I2 - 3) > 0, the determinant of the restricted
         # Hessian up to a positive factor. Equibiaxial tension loses stability first: of all deformations with the same
-        # I1 it has the largest I2, and D decreases with I2 where D = 0. C01 < 0: the stress has its maximum. C10 < 0: a
-        # sheet stretches more in one of two directions.
+        # I1 it has the largest I2, and D decreases with I2 where D = 0. If C01 < 0, the stress has its maximum at the
+        # limit. If C10 < 0, a sheet stretches more in one of its two directions beyond the limit.
         c10, c01 = parameters.T
         limit = np.full(len(parameters), np.inf)
         bifurcating, softening = c10 < 0, c01 < 0

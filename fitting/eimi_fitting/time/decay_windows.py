@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 _MOST_WINDOWS = 8
 _SHORTEST_PERIODS = 2.5  # duration of a window
 _CHANGED_FREQUENCY = 0.03  # relative change of the frequency that no amplitude below 5 % of the length explains
-_CHANGED_LOSS = 1.0  # the same for the loss
+_CHANGED_LOSS = 1.0  # relative change of the loss factor that no amplitude below 5 % of the length explains
 _SMALL = 0.2  # share of the amplitude in the first window
 _CERTAIN = 5.0  # standard deviations of such a change
 

@@ -32,7 +32,9 @@ Array = NDArray[np.float64]
 _SEARCHED = 2.0  # half-width of the searched range, in prior standard deviations
 _MODULUS_RANGE = np.log(2.0)
 _GENERATIONS = 20
-_ENOUGH = 0.02  # the search ends when a generation agrees to this in chi over the square root of the rows
+# The search ends if the values of chi in a generation differ by less than this number times the square root of the
+# number of unknowns.
+_ENOUGH = 0.02
 _POLISH_STEPS = 100
 _POLISHED_STARTS = 3
 _ADDED_SHARE = float(np.log(0.05))  # ln h of the term that is added to an optimum with fewer terms

@@ -94,7 +94,9 @@ class RingTable:
         # the magnetic loads. The result is (P, count) in 1/s.
         softer = float(np.log(self.planar_over_solid_modulus))
         inside = np.clip(log_modulus + softer, *np.log(self.range_Pa))
-        beyond = np.exp(log_modulus + softer - inside)  # outside the table only the equilibrium is that at its end
+        # Outside the table, the equilibrium is that at the end of the table. The factor ``beyond`` on the modulus of
+        # the vibration accounts for the rest.
+        beyond = np.exp(log_modulus + softer - inside)
         factor, size = (one[:count] for one in self._correction)
         planar = self._squares(inside, np.zeros(len(inside)) if load_log is None else load_log, count)
 

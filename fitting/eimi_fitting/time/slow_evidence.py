@@ -22,7 +22,7 @@ _STRONGER = 1.05  # factor on the field, which tells the moments of the field fr
 _CREEP_ERROR = 0.02  # share of the range of a creep curve: error of the proportional curvature (`time.loaded_creep`)
 _RECOVERY_ERROR = 0.06  # the same without a load, when the curvature changes its distribution most
 _OF_SQUARE = 0.2  # rad/rad²: standard deviation of a bent beam's mean rotation, divided by its squared amplitude
-_STATIC_ERROR = 2e-3  # relative error of the modulus of static states, for the same reason
+_STATIC_ERROR = 2e-3  # relative error of the modulus of static states due to the proportional curvature
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,8 @@ class CreepEvidence:
 
     def shown_at(self, true: Array) -> Array:
         """Convert true to measured tip rotations; the measurement is wrong for a strongly bent beam."""
-        # It divides the displacements by a constant.
+        # The measurement divides the displacements by a constant, but the displacements of a strongly bent beam are not
+        # proportional to the rotation.
         if self.shown is None:
             return true
         nodes, values = self.shown

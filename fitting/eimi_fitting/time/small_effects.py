@@ -58,7 +58,8 @@ def small_effects(
         size = 1e-3 * min(magnet.length_mm, magnet.width_mm, magnet.depth_mm)
         eddy = _CONDUCTIVITY_S_M * (field * turn) ** 2 * size**2 / 20 * volume / (omega * effective)
         if field:
-            # Flux of the turning dipole through the coil: moment times field per ampere, at most 10 mT/A.
+            # The flux of the turning dipole through the coil is the moment times the field per ampere, which is assumed
+            # to be at most 10 mT/A.
             flux = 0.01 * magnet.moment_A_m2 * turn
             back = flux**2 / _COIL_OHM / (omega * effective)
     blur = 0.0 if exposure_s is None else (omega * exposure_s) ** 2 / 24

@@ -14,11 +14,13 @@ from eimi_fitting.inference.evidence.experiment import Comparison, Experiment
 from eimi_fitting.inference.evidence.sources import SOURCES
 from eimi_fitting.inference.interval.estimate import Estimate
 
-_OF_ERROR = 0.5  # if the residuals are noise, a cause explains almost none of them
+# Largest mean error after a correction for a cause, divided by the mean error of the fit. A correction hardly reduces
+# residuals that are noise.
+_OF_ERROR = 0.5
 _NAMED = 0.1  # a less probable cause is not mentioned as a doubt
 _NONE_IMPROBABLE = 0.5
 _RIVAL = 0.1  # share of the probability of the first cause
-_BOTH = 1.2  # sum of two probabilities from which both causes are present together
+_BOTH = 1.2  # two causes count as present together if the sum of their probabilities is at least this number
 _MOST_RIVALS = 2
 
 
@@ -62,7 +64,8 @@ def is_as_stated(weighed: Weighed, experiments: Sequence[Experiment]) -> bool:
 def _concerns(
     cause: Cause, weighed: Weighed, estimate: Estimate, final: Comparison, experiments: Sequence[Experiment]
 ) -> bool:
-    # The error is only named if it matters for the modulus.
+    # The error is named if a correction for it can move the modulus out of its interval. An error whose uncertainty no
+    # file states is also named if the correction leaves less than half of the mean error.
     if not contains(estimate.initial_shear_modulus, (cause.shift_percent, *weighed.modulus_percent)):
         return True
     present = [c for c in weighed.causes if c.name in weighed.most_probable - weighed.in_the_fit] or [cause]

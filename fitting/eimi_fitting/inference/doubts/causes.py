@@ -119,7 +119,7 @@ def weighed_causes(
     )
     is_none = np.array([not hypothesis for hypothesis in weighing.hypotheses])
     no_deviation = float(np.prod([1 - one for one in _of_classes(within)]))
-    # The probability of no cause, and of no deviation of an input that the residuals show.
+    # The probability that no cause is present and that the residuals show no deviation of an input.
     nothing = float(probability[is_none] @ np.where(weighing.is_uncertain, no_deviation, 1.0)[is_none])
     causes, errors = [Cause(NONE, nothing, 0.0, "", 0.0, "")], {}
     for i, cause in enumerate(columns_by_cause):

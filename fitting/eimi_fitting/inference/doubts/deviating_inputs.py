@@ -13,7 +13,9 @@ from eimi_fitting.inference.doubts.weighing import NEGLIGIBLE, Exact, Weighing
 
 Array = NDArray[np.float64]
 
-_SEEN = 2 * np.log(9.0)  # a smaller change of the squares favours a deviation by less than 9 to 1
+# An input may deviate if its estimated error changes the residuals by a chi-square of at least this number. A smaller
+# chi-square favours a deviation by odds below 9 to 1.
+_SEEN = 2 * np.log(9.0)
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ class Posterior:
 
     # There are H models with C coefficients.
 
-    # (H,)
+    # (H,): logarithm of the evidence of each model.
     log_evidence: Array
     # (H, C): posterior means of the coefficients, in prior standard deviations.
     means: Array

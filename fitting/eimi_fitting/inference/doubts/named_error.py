@@ -23,7 +23,7 @@ _OF_THE_MODEL = frozenset({"section", "law"})  # the user chooses these, and the
 _PROBABLE = 0.95
 _ENLARGED = 1.1  # factor on the change of the modulus, so that the interval surely contains it
 _EXPLAINS = 0.5  # share of the mean error that remains at most
-# What describes the residuals of the fit itself, which the comparison of laws uses.
+# The fields that describe the residuals of the fit itself. The comparison of laws uses these fields.
 _OF_RESIDUALS = (
     *("residual_mm", "correlation_points", "points", "independent_points", "noise_mm", "noise_points"),
     "stated_squares",

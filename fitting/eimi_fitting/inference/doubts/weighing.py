@@ -24,18 +24,22 @@ _PASSES, _PASSES_FAR = 8, 3  # largest number of passes, and those in which impr
 # Difference of the logarithm of the probability from the most probable hypothesis, in the first and in later passes. A
 # hypothesis with a larger difference is not simulated.
 _FAR = (200.0, 30.0)
-# Moves up to which signatures are linear: in prior sizes, and in shares of the range of the law's coordinates.
+# A hypothesis is simulated again if the size of an error moves by more than the first number, or if an unknown of the
+# law moves by more than the second number. Both numbers are in prior standard deviations. For smaller moves, the
+# residuals are taken as linear.
 _LINEAR, _LINEAR_LAW = 0.005, 2e-4
 # Error of a change of the residuals, as a share of the change. The corrections by finer meshes and by the solid are
 # computed at the optimum only, and are not exact for changed amplitudes.
-# With 0.002, virtual solids with one cause got a second one of negligible size.
+# With the value 0.002, a second cause of negligible size was found for virtual solids that have only one cause.
 _OF_MOVE = 0.01
-_POOR = 4.0  # above this ratio of misfit to noise, a single cause is fitted with renewed slopes
-_GAUSS_NEWTON = 8  # largest number of these steps
-_SMALL_DECREASE = 0.01  # a smaller decrease of the sum of squares, in units of the noise, ends them
-_STEP, _LAW_STEP = 0.05, 3e-3  # of their finite differences, in prior standard deviations
-NEGLIGIBLE = 0.3  # prior sizes below which a cause is improbable
-_MOST_SIZES = 5.0  # largest amplitude, in prior sizes
+# A single cause is fitted by Gauss-Newton with simulations if the mean square of its linearised residuals exceeds this
+# many times the noise variance.
+_POOR = 4.0
+_GAUSS_NEWTON = 8  # largest number of Gauss-Newton steps
+_SMALL_DECREASE = 0.01  # the steps end if the sum of squares, in units of the noise variance, decreases by less
+_STEP, _LAW_STEP = 0.05, 3e-3  # steps of the finite differences, in prior standard deviations
+NEGLIGIBLE = 0.3  # size in prior standard deviations below which a cause is improbable
+_MOST_SIZES = 5.0  # largest amplitude, in prior standard deviations
 
 
 @dataclass(frozen=True)
@@ -83,7 +87,7 @@ class Weighing:
         self._measured = {i for i, columns in enumerate(columns_by_cause.values()) if any(c.start for c in columns)}
         # Each of the M causes is present with the prior probability 1 / M.
         self.log_prior = -self._log_odds * np.array([len(h) for h in self.hypotheses], float)
-        # What the residuals were if the freed and measured inputs had their stated values.
+        # The residuals that the fit would have if the freed and measured inputs had their stated values.
         self._stated = [np.array(residual) for residual in fit.residuals]
         for column in self._columns:
             for residual, change in zip(self._stated, column.changes, strict=True):
@@ -352,6 +356,7 @@ class Weighing:
         squares = np.stack([standard.squares[:, rows].max(axis=1) for rows in shown], axis=1)
         holds = np.array([[cause in hypothesis for cause in causes] for hypothesis in hypotheses])
         factors = 2 * np.log(np.where(holds, squares / (squares + NEGLIGIBLE**2), 1.0)).sum(axis=1)
+        # The means are converted from prior standard deviations to the units of the unknowns.
         unit = self._about.unit[self._about.kept]  # the law stays inside its range, as in the simulations
         least, most = -_MOST_SIZES * self._scale, _MOST_SIZES * self._scale
         least[: self._law], most[: self._law] = -unit, 1 - unit

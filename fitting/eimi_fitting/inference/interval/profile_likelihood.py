@@ -21,10 +21,13 @@ from eimi_fitting.inference.evidence._quadratic import step_to_minimum
 Array = NDArray[np.float64]
 
 # Relative differences of the deviance from its target. The deviance grows with the square of the half-width, so that
-# the half-width differs by half as much. Up to _AGREES the quadratic end stands. The iteration stops within _CONVERGED.
-# An end within _NEAR is accepted after the last round.
+# the relative difference of the half-width is half as large. Up to _AGREES, the end that the covariance gives is used.
+# The iteration of an end stops if the difference is below _CONVERGED. After the last round, an end with a difference
+# below _NEAR is accepted.
 _AGREES, _CONVERGED, _NEAR = 0.2, 0.03, 0.1
-_MOST_ROUNDS = 8  # batches of candidates; an end that has not converged by then is placed too far out, not too near
+# Largest number of rounds, each with one batch of candidates. Without convergence, the result is the last estimate
+# or the end that the covariance gives, whichever is farther from the optimum.
+_MOST_ROUNDS = 8
 _SHORTEST, _LONGEST = 0.4, 2.0  # limits of the next offset over the present one
 
 # Takes candidates (P, n). Returns their deviances (P,), infinite for a candidate that is not valid, and their scores

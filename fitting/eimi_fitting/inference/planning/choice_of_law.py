@@ -16,7 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-_LEAST_ROOM = 1.0  # independent points beyond the number of unknowns and one, as N = k + 2 for whole numbers
+# Smallest value of M - k - 1 for which AICc is computed. M = k + 2 is the smallest whole number for which AICc is
+# finite.
+_LEAST_ROOM = 1.0
 
 
 @dataclass(frozen=True)

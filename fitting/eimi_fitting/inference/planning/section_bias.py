@@ -21,8 +21,8 @@ Array = NDArray[np.float64]
 
 MODULUS_PA = 50e3  # arbitrary: the loads are scaled with it
 _LINEAR_TURN_DEG = 60.0  # tip rotation under the largest load if the stiffness stayed that at rest; in fact about 45
-# Elements. The bias differs by at most 0.3 % of the modulus from that with 20 x 4 elements, and takes a third of the
-# time of a fit's mesh.
+# Numbers of elements. The bias differs by at most 0.3 % of the modulus from the bias with 20 x 4 elements. Its
+# computation takes a third of the time that the mesh of a fit needs.
 ALONG, ACROSS = 13, 1
 _STEP = 0.02  # of the logarithm of the modulus, for the difference quotient
 
@@ -52,7 +52,7 @@ def expected_bias(specimen: Specimen) -> float:
 
 
 def bending_loads(planar: BeamModel) -> Loads:
-    """Return two loads: one that turns the tip of the beam by about 45 degrees, preceded by half of it."""
+    """Return two loads: half of the load that turns the tip of the beam by about 45 degrees, then this load."""
     specimen, law, modulus = planar.specimen, LAWS["neo-hookean"], np.array([[MODULUS_PA]])
     magnetic = specimen.magnet is not None or any(specimen.magnetisation_A_per_m)
     across_deg = 90.0 + _moment_angle_deg(specimen)

@@ -38,11 +38,13 @@ _PICTURE_STEPS = 0.01 * np.eye(2)  # of the difference quotients, in degrees and
 _SURE = 3.0  # standard deviations
 _SYSTEMATIC_MM = 1e-3  # an error of the edges that does not average out
 _OF_AMPLITUDE = 0.015  # error of the planar model's weight: a bend of 1 mm of a hidden solid is measured as 0.985 mm
-_NO_LOAD = 0.02  # share of the largest field or tip force; a smaller one is in the model, as the weight is
+# Share of the largest field or tip force up to which a state counts as unloaded. The simulation contains this small
+# field or force, as it contains the weight.
+_NO_LOAD = 0.02
 _ACROSS = 0.05  # share of gravity across the clamp up to which the weight is not taken for a bend, about 3 degrees
 _BENT_STATES, _ROUNDS, _STEPS = 4, 3, 2
 _STIFF_PA = 1e6
-_WORST_MM = 0.2  # a state that remains farther from every shape shows another fault
+_WORST_MM = 0.2  # a larger root mean square residual has another cause than the shape at rest; no shape is returned
 _POINTS_A_STATE = 20.0  # independent points in a state; a guess that only the scan of moduli uses
 _TOLERANCE_MM = 1e-4
 
@@ -103,7 +105,8 @@ def measured_rest_shape(experiment: Experiment) -> MeasuredRestShape | None:
     few = bent[np.unique(np.linspace(0, len(bent) - 1, _BENT_STATES).round().astype(int))]
     (chosen,) = coarsened([plain.of_states(few)])
     every = np.arange(_MODES)
-    # A straight beam hangs straight, whatever its modulus, so that a stiff one shows whether there is a shape at all.
+    # A straight beam that hangs along gravity stays straight for every modulus. A fit with a stiff beam therefore shows
+    # whether the stress-free shape differs from the shape in the specimen file at all.
     fitted = _amplitudes(rest, _STIFF_PA, np.zeros(_MODES), every)
     if fitted is None or not len(_significant(*fitted)):
         return None
