@@ -34,7 +34,7 @@ def test_every_file_of_a_package_is_in_the_wheel() -> None:
     left_out = []
     for top in ("eimi_lab", "protocols", "drivers/eimi_drivers", "fitting/eimi_fitting"):
         for path in (ROOT / top).rglob("*"):
-            if path.is_dir() or path.suffix in (".py", ".pyc"):
+            if path.is_dir() or path.suffix == ".py" or "__pycache__" in path.parts:
                 continue
             folder = next(parent for parent in path.parents if parent in packages)
             patterns = SETTINGS["package-data"]["*"] + SETTINGS["package-data"].get(packages[folder], [])

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from eimi_drivers.cameras import CameraSettings, aravis_library, open_camera
+from eimi_drivers.cameras import CameraSettings, aravis, aravis_library, open_camera
 from eimi_drivers.discovery import list_genicam_cameras
 from eimi_drivers.emulators.gige_camera import LOOPBACK
 from eimi_drivers.emulators.gige_process import CameraProcess, gige_process
@@ -19,6 +19,7 @@ from eimi_drivers.interfaces import (
     SetPointNotTaken,
     SetPointRefused,
 )
+from tests.patience import PATIENCE_S
 from tests.shared.emulated_gige import (
     SIZE_PX,
     close_all,
@@ -133,7 +134,10 @@ def test_with_a_frame_rate_the_camera_runs_freely_and_no_frame_is_missing(still:
 
 
 @needs_aravis
-def test_with_a_trigger_input_the_camera_waits_for_its_signal(still: CameraProcess) -> None:
+def test_with_a_trigger_input_the_camera_waits_for_its_signal(
+    still: CameraProcess, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(aravis, "ANSWER_WITHIN_S", PATIENCE_S)
     camera = opened(CameraSettings(trigger="Line0"))
     assert camera.settings.trigger == "Line0"
     with pytest.raises(InstrumentTimeout, match=r"camera 127\.0\.0\.1: no complete frame within 0\.3 s"):
@@ -142,7 +146,9 @@ def test_with_a_trigger_input_the_camera_waits_for_its_signal(still: CameraProce
 
 
 @needs_aravis
-def test_a_camera_that_another_program_controls_is_refused_until_that_program_ends(still: CameraProcess) -> None:
+def test_a_camera_that_another_program_controls_is_refused_until_that_program_ends(
+    still: CameraProcess, monkeypatch: pytest.MonkeyPatch
+) -> None:
     code = (
         "from eimi_drivers.cameras import open_camera\n"
         f"camera = open_camera('aravis', '{LOOPBACK}'); print('open', flush=True); input()"
@@ -155,6 +161,7 @@ def test_a_camera_that_another_program_controls_is_refused_until_that_program_en
         with pytest.raises(InstrumentError, match="another program controls this camera"):
             opened()
         other.kill()
+    monkeypatch.setattr(aravis, "CONTROL_FREE_WITHIN_S", PATIENCE_S)
     opened().close()  # the camera becomes free after the program that controlled it has ended
 
 

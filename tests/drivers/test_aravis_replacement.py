@@ -26,6 +26,7 @@ from eimi_drivers.interfaces import (
     SetPointNotTaken,
     SetPointRefused,
 )
+from tests.patience import PATIENCE_S
 
 CAMERA, DEVICE, STREAM, PAYLOAD = 7, 8, 9, 12
 MONO8 = 0x01080001
@@ -446,12 +447,12 @@ def test_commands_are_made_one_after_the_other_in_a_thread_that_ends() -> None:
         channel.begin(lambda: made.append(2)),
     )
     channel.end()
-    assert last.result(10.0) is None
+    assert last.result(PATIENCE_S) is None
     assert first.done()
     assert made == [1, 2]
     with pytest.raises(InstrumentError, match=r"^no$"):
-        failed.result(10.0)
-    thread.join(10.0)
+        failed.result(PATIENCE_S)
+    thread.join(PATIENCE_S)
     assert not thread.is_alive()
 
 

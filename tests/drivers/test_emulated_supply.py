@@ -45,7 +45,9 @@ def test_a_pseudo_terminal_leaves_no_open_file_and_no_thread():
         supply = open_supply("scpi", address, LIMITS)
         assert not supply.output_on()
         supply.close()
-    assert (set(os.listdir("/dev/fd")), set(threading.enumerate())) == before
+    # Files and threads of earlier tests may end meanwhile.
+    assert set(os.listdir("/dev/fd")) <= before[0]
+    assert set(threading.enumerate()) <= before[1]
 
 
 def test_the_voltage_set_point_bounds_the_current():

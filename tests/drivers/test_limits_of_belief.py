@@ -17,6 +17,7 @@ from eimi_drivers.supplies import transport
 from eimi_drivers.supplies.korad import KoradSupply
 from eimi_drivers.supplies.transport import WRITE_TIMEOUT_S, InProcessTransport, SerialTransport
 from eimi_drivers.supplies.visa import VisaTransport
+from tests.patience import PATIENCE_S
 
 
 class Rounding(KoradDialect):
@@ -70,7 +71,7 @@ def test_unread_bytes_are_not_used_as_the_answer_to_the_next_query() -> None:
         select.select([near], [], [])
         line.write(b"ISET1?\n")
         os.write(far, b"0.500\n")
-        assert line.read(6, 5.0) == b"0.500\n"
+        assert line.read(6, PATIENCE_S) == b"0.500\n"
     finally:
         os.close(near)
         os.close(far)

@@ -17,6 +17,7 @@ from eimi_drivers.supplies.logged import LoggedTransport
 from eimi_drivers.supplies.owon import OwonSpeSupply
 from eimi_drivers.supplies.supply_names import open_supply
 from eimi_drivers.supplies.transport import SerialTransport, Transport
+from tests.shared.processes import wait_until
 
 
 class Line:
@@ -86,6 +87,8 @@ def test_an_answer_that_is_cut_off_is_in_the_message() -> None:
         try:
             for query, words in ((b"half\n", r"only b'1\.2' came"), (b"none\n", "nothing came")):
                 line.write(query)
+                if query == b"half\n":
+                    wait_until(lambda: line._port.in_waiting > 0, "the server did not answer")
                 with pytest.raises(InstrumentTimeout, match=f"no complete answer within 0.2 s .{words}") as error:
                     line.read(10, 0.2, b"\n")
                 assert str(error.value).startswith(address)

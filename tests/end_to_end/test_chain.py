@@ -174,7 +174,7 @@ def test_the_real_beam_gives_the_figures_of_the_readme(measured, tmp_path):
         "TENSILE": str(measured / "tensile"),
     }
     done = subprocess.run(
-        ["sh", "-ec", lines], cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=300
+        ["sh", "-ec", lines], cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=PATIENCE_S
     )
     assert done.returncode == 0, done.stderr
     # An independent analysis of the same recordings in 3-D and in 2-D.

@@ -57,6 +57,7 @@ from eimi_lab.acquisition.events import (
 from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.toml import parse
 from eimi_lab.process.stopping import Stopped
+from tests.patience import PATIENCE_S
 
 ONE_OF_EACH = (
     RunBegun(
@@ -289,7 +290,9 @@ def assert_whole(events: list[Event]) -> None:
 
 def test_events_of_an_emulated_supply_are_lines_of_json(bench: Path) -> None:
     with emulated(bench) as coil:
-        done = subprocess.run(command("rig.toml"), cwd=bench, capture_output=True, text=True, timeout=120, check=True)
+        done = subprocess.run(
+            command("rig.toml"), cwd=bench, capture_output=True, text=True, timeout=PATIENCE_S, check=True
+        )
         assert not coil.state.output
     assert_whole(read(done.stdout.splitlines()))
     assert done.stderr.count("acquire ") == 4  # a person at the terminal reads the usual messages
@@ -304,7 +307,7 @@ def test_events_of_a_virtual_run_are_lines_of_json_and_the_result_comes_after_th
         (files / path.name).write_text(path.read_text().replace("mesh = [26, 3, 1]", "mesh = [10, 1, 1]"))
     more = ["--json", "--quiet"] if quiet else ["--json"]
     done = subprocess.run(
-        command("virtual.toml", *more), cwd=files, capture_output=True, text=True, timeout=240, check=False
+        command("virtual.toml", *more), cwd=files, capture_output=True, text=True, timeout=PATIENCE_S, check=False
     )
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
@@ -326,7 +329,13 @@ def test_a_reader_that_has_ended_or_does_not_read_never_delays_the_run(bench: Pa
         os.close(reads)
     with emulated(bench) as coil:
         done = subprocess.run(
-            command("rig.toml"), cwd=bench, stdout=writes, stderr=subprocess.PIPE, text=True, timeout=120, check=False
+            command("rig.toml"),
+            cwd=bench,
+            stdout=writes,
+            stderr=subprocess.PIPE,
+            text=True,
+            timeout=PATIENCE_S,
+            check=False,
         )
         assert (done.returncode, done.stderr.count("acquire ")) == (0, 4), done.stderr
         assert not coil.state.output
@@ -336,6 +345,9 @@ def test_a_reader_that_has_ended_or_does_not_read_never_delays_the_run(bench: Pa
 
 
 def test_the_guardian_of_a_killed_run_continues_the_events(bench: Path) -> None:
+    # With so many states, the run has not ended when a busy test kills it.
+    protocol = bench / "protocol.toml"
+    protocol.write_text(protocol.read_text().replace("stop_A = 0.3\nstep_A = 0.1", "stop_A = 0.98\nstep_A = 0.02", 1))
     with emulated(bench) as coil:
         events = []
         with subprocess.Popen(
@@ -407,7 +419,7 @@ def test_the_log_contains_messages_to_the_supply_the_guardian_and_events(bench: 
             env=os.environ | {"EIMI_LOG": "debug"},
             capture_output=True,
             text=True,
-            timeout=120,
+            timeout=PATIENCE_S,
             check=True,
         )
     assert_whole(read(logged.stdout.splitlines()))

@@ -149,8 +149,11 @@ def test_the_guardian_does_not_wait_for_a_pseudo_terminal_that_no_longer_exists(
     with bench.ward() as ward:
         guardian = Guardian(ward)
         guardian.arm()
+        # While this end is open, no emulator of another test gets the same name.
+        held = os.open(ward.address, os.O_RDWR | os.O_NOCTTY)
     guardian.dismiss()
     assert wait_for(guardian) == 0
+    os.close(held)
     assert f"the emulated supply at {ward.address} does not exist any more" in capfd.readouterr().err
 
 
@@ -167,7 +170,10 @@ def test_a_run_whose_guardian_has_ended_raises_an_error() -> None:
             guardian.check()
 
 
-def test_the_guardian_takes_over_a_run_that_stands_still_and_reports_it(capfd: pytest.CaptureFixture[str]) -> None:
+def test_the_guardian_takes_over_a_run_that_stands_still_and_reports_it(
+    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(guardian_module, "LONGEST_GAP_S", PATIENCE_S)
     bench = Bench("korad")
     with bench.ward() as ward, guarding(ward) as guardian:
         busy = open_supply(ward.driver, ward.address, Limits(ward.current_A, ward.voltage_V))
@@ -204,8 +210,8 @@ def test_a_run_may_announce_that_it_takes_longer() -> None:
 def test_a_run_that_stood_still_together_with_its_guardian_sends_no_further_set_point(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    slept_s = [0.0]
-    monkeypatch.setattr(guardian_module, "awake_s", lambda: time.monotonic() + slept_s[0])
+    began_s, slept_s = time.monotonic(), [0.0]
+    monkeypatch.setattr(guardian_module, "awake_s", lambda: began_s + slept_s[0])
     bench = Bench("korad")
     with bench.ward() as ward, guarding(ward) as guardian:
         guardian.refuse_a_gap()

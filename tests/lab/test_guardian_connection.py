@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from dataclasses import asdict
 from typing import Any
@@ -15,6 +16,7 @@ import pytest
 from eimi_drivers.interfaces import Identity, InstrumentError
 from eimi_lab.acquisition import guardian as module
 from eimi_lab.acquisition.guardian import Guardian, StoodStill, Ward, guarding
+from tests.shared.changed_module import changed_module
 
 WARD = Ward("korad", "COM3", 1.5, 12.0, off_below_A=0.03)
 
@@ -107,7 +109,7 @@ def test_each_message_has_its_words(armed: Guardian, process: Process) -> None:
 def test_a_beat_is_sent_if_the_last_one_is_older_than_0_1_s(
     armed: Guardian, process: Process, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    now_s = module.awake_s()
+    now_s = armed._beaten_s
     for after_s, told in ((0.05, b""), (0.2, b".\n"), (0.25, b""), (0.4, b".\n")):
         monkeypatch.setattr(module, "awake_s", lambda after_s=after_s: now_s + after_s)
         armed.beat()
@@ -137,10 +139,11 @@ def test_nothing_is_switched_on_without_a_guardian(process: Process, monkeypatch
 def test_a_guardian_that_reports_every_time_is_not_silent(
     armed: Guardian, process: Process, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    armed._heard_s -= 1.4
+    clock = {"s": armed._heard_s + 1.4}
+    monkeypatch.setattr(module, "time", changed_module(time, monotonic=lambda: clock["s"]))
     armed.check()
-    armed._heard_s -= 0.2
-    assert armed.silent_s() == pytest.approx(1.6, abs=0.1)
+    clock["s"] += 0.2
+    assert armed.silent_s() == pytest.approx(1.6)
     with pytest.raises(
         InstrumentError, match=r"^COM3: the guardian process, .* does not answer any more; the run ends"
     ):
@@ -205,7 +208,7 @@ def test_the_limits_of_the_guardian_are_those_of_the_rig() -> None:
 def test_a_gap_before_a_message_is_not_forgotten_by_the_message(
     armed: Guardian, monkeypatch: pytest.MonkeyPatch, message: str
 ) -> None:
-    now_s = module.awake_s()
+    now_s = armed._beaten_s
     for gap_s in (9.9, 30.0, 12.0):  # only the longest gap above 10 s is reported
         now_s += gap_s
         monkeypatch.setattr(module, "awake_s", lambda now_s=now_s: now_s)

@@ -41,6 +41,7 @@ from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.toml import parse
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.stopping import Stopped
+from tests.patience import PATIENCE_S
 
 OFF = Off(0.001, 0.02)
 
@@ -189,7 +190,8 @@ def test_the_end_of_a_run_ramps_down_switches_off_and_disarms(run: Heeding) -> N
     assert ended(run, ramp_down=_InHaste()) == ["coil ramp_down", "guardian allow 30", "coil switch_off", *SAID_OFF]
 
 
-def test_a_failed_ramp_down_is_reported_after_the_coil_is_off(run: Heeding) -> None:
+def test_a_failed_ramp_down_is_reported_after_the_coil_is_off(run: Heeding, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(switching_off, "DOUBTED_AFTER_S", PATIENCE_S)
     with pytest.raises(InstrumentError, match="the coil is off, but the ramp of its current to zero failed: cut"):
         ended(run, ramp_down=InstrumentError("cut"))
     assert run.done() == ["coil ramp_down", "guardian allow 30", "coil switch_off", *SAID_OFF]

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from eimi_lab.process import scope
+from tests.patience import PATIENCE_S
 
 
 @pytest.fixture
@@ -20,6 +21,7 @@ def busctl_arguments(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
     (tmp_path / "group").write_text("0::/user.slice/user-1000.slice/user@1000.service/app.slice/terminal.scope\n")
     monkeypatch.setattr(scope, "_OWN_GROUP", tmp_path / "group")
+    monkeypatch.setattr(scope, "WITHIN_S", PATIENCE_S)
     return tmp_path / "asked"
 
 

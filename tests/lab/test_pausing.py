@@ -246,6 +246,7 @@ def test_a_rerun_on_a_file_in_use_proposes_neither_to_resume_nor_to_replace_it(s
 def test_p_and_enter_on_a_terminal_pause_a_run(bench: Path) -> None:
     coil = CoilSupply(WallClock())
     keys, terminal = os.openpty()
+    os.write(keys, b"p\n")  # the run reads it in its first state
 
     def own_terminal() -> None:
         fcntl.ioctl(terminal, termios.TIOCSCTTY, 0)
@@ -272,8 +273,6 @@ camera = {{ driver = "opencv", source = "{bench / "recording"}" }}
         messages, off = [], []
         for line in process.stderr:
             messages.append(line.rstrip())
-            if line.startswith("acquire 1/"):
-                os.write(keys, b"p\n")
             if line.startswith("eimi: paused before state "):
                 WallClock().sleep(6.0 if not off else 0.0)  # longer than the guardian waits for a run that stands still
                 off.append(not coil.state.output and coil.state.set_current_A == 0.0)

@@ -91,7 +91,7 @@ def test_a_signal_to_all_workers_ends_all_of_them_with_one_line(
     run: Run, files: Path, frame: Callable[..., NDArray[np.uint8]], number: signal.Signals
 ) -> None:
     # A terminal sends Ctrl-C to all processes at once; when it is closed, it sends the hang-up signal.
-    path = imported(run, files, [frame(seed) for seed in range(20)] * 3)
+    path = imported(run, files, [frame(seed) for seed in range(20)] * 10)
     before = path.read_bytes()
     process = subprocess.Popen(
         [sys.executable, "-m", "eimi_lab", "segment", str(path), "--workers", "2"],
@@ -103,7 +103,7 @@ def test_a_signal_to_all_workers_ends_all_of_them_with_one_line(
         ),  # a test that runs in the background ignores this signal
     )
     assert process.stderr is not None
-    assert process.stderr.readline().startswith("segment 1/60: ")
+    assert process.stderr.readline().startswith("segment 1/200: ")
     os.killpg(process.pid, number)
     lines = process.communicate(timeout=PATIENCE_S)[1].splitlines()  # reads until the last process has ended
     assert process.returncode == 128 + number

@@ -24,6 +24,7 @@ from eimi_lab.acquisition.guardian import StoodStill
 from eimi_lab.acquisition.switching_off import _InHaste, _SignalsHeeded, ramp_down_and_switch_off, switching_off
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.stopping import Stopped
+from tests.patience import PATIENCE_S
 
 OFF = Off(0.004, 0.02)
 
@@ -221,8 +222,14 @@ def test_at_the_end_the_coil_is_ramped_down_and_switched_off_and_the_guardian_is
     ],
 )
 def test_after_any_error_of_the_ramp_the_coil_is_switched_off(
-    bench: Bench, caplog: pytest.LogCaptureFixture, error: BaseException, raised: type | None, message: str
+    bench: Bench,
+    caplog: pytest.LogCaptureFixture,
+    monkeypatch: pytest.MonkeyPatch,
+    error: BaseException,
+    raised: type | None,
+    message: str,
 ) -> None:
+    monkeypatch.setattr(module, "DOUBTED_AFTER_S", PATIENCE_S)
     bench.coil.errors["ramp_down"] = error
     with caplog.at_level("INFO"):
         if raised is None:
@@ -260,7 +267,7 @@ def test_a_slow_switch_off_is_doubted_only_if_ramp_or_line_failed(
         bench.events.append(event)
         doubted.set()
 
-    bench.coil.during["switch_off"] = lambda: doubted.wait(10.0 if unreachable or ramp else 0.05)
+    bench.coil.during["switch_off"] = lambda: doubted.wait(PATIENCE_S if unreachable or ramp else 0.05)
     if ramp:
         bench.coil.errors["ramp_down"] = ramp
         with pytest.raises(InstrumentError):

@@ -9,7 +9,7 @@ from tests.shared.streamed_run import record
 
 
 def test_every_frame_of_a_fast_camera_is_stored_or_counted_as_lost(tmp_path: Path) -> None:
-    streamed = record(tmp_path / "run.h5", 320, 240, 200.0, 0.5)
+    streamed = record(tmp_path / "run.h5", 320, 240, 200.0, 2.0)
     assert streamed.identical
     with open_dataset(streamed.path) as dataset:
         ((step, frames),) = dataset.recorded_ring_downs()

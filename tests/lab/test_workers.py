@@ -100,7 +100,7 @@ def test_a_process_that_dies_before_the_first_task_is_replaced(children: Childre
 def test_started_processes_end_after_an_error(children: Children) -> None:
     def stopped() -> None:
         with started(partial(processes, 2), 2, "json"):
-            assert len(children()) == 2
+            assert children()
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):

@@ -477,7 +477,7 @@ def test_a_lock_of_another_open_file_is_seen_and_refused(tmp_path: Path, open_lo
     os.close(other)
     lock = WriterLock(path)
     assert lock_file(path).read_text().startswith(f" process {os.getpid()} on ")
-    assert "process 7" not in lock_file(path).read_text()
+    assert "process 7 " not in lock_file(path).read_text()
     lock.release()
     assert open_locks() == 0
 

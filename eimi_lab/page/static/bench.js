@@ -1,4 +1,4 @@
-// The view "Bench": choose the files of a run, list its steps (dry run), and start, watch, pause, resume and end the run. STOP is in the header.
+// The view "Bench": choose the files of a run, list its steps (dry run), and control the run. STOP is in the header.
 import { ask, askPicture, byId, el, facts, flagList, number, svg, tell, withSigma } from "./dom.js";
 import { on, state, steer } from "./live.js";
 import { Picture } from "./picture.js";
@@ -152,7 +152,7 @@ on("edges", (edges) => {
   flagList(byId("live-flags"), edges.flags);
 });
 
-// Edges are found more slowly than frames arrive. Edges are drawn only on a frame that looks like the frame in which they were found.
+// Edges are found more slowly than frames arrive. Edges are drawn only on a frame that looks like theirs.
 function drawEdges() {
   picture.draw(lastEdges && stillness.holds(lastEdges.seen) ? lastEdges : null);
 }

@@ -1,4 +1,4 @@
-// Points that a person sets on a picture with a mouse, a finger or the keyboard. A loupe enlarges the picture around the pointer.
+// Points that a person sets on a picture. A loupe enlarges the picture around the pointer.
 import { el, svg } from "./dom.js";
 
 const LOUPE_PX = 168, SEEN_PX = 28; // width of the loupe on the screen, and width of the part of the picture in the loupe
@@ -6,7 +6,7 @@ const FINGER_PX = 18; // radius on the screen that a finger can touch
 const WAYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 
 // Calls moved(event, start) while `made` is dragged. start is the event with which the drag began.
-// Chromium does not heed touch-action within an SVG. Without preventDefault, it would scroll instead.
+// Chromium ignores touch-action within an SVG, and would scroll without preventDefault.
 export function draggable(made, moved) {
   let start = null;
   made.addEventListener("pointerdown", (event) => { made.setPointerCapture(event.pointerId); start = event; });
@@ -165,6 +165,6 @@ export class Clicks {
       }
       drawn.stroke();
     }
-    this.loupe.classList.toggle("right", x < this.size[0] / 2); // on the other side of the picture, so that the loupe does not cover the point
+    this.loupe.classList.toggle("right", x < this.size[0] / 2); // the loupe does not cover the point
   }
 }

@@ -1,4 +1,4 @@
-// Elements of the page, and requests to the server. Text is always inserted as text, so that text from a file is never read as HTML.
+// Elements of the page, and requests to the server. Text from a file is never read as HTML.
 
 import { token } from "./token.js";
 

@@ -95,6 +95,7 @@ async function showPicture(name, fresh = false) {
   const of = folder, blob = await askPicture("/api/phone/picture", { folder: of.name, picture: name });
   if (shown !== name || folder !== of) return;
   await picture.show(blob, of.size_px, name);
+  if (shown !== name || folder !== of) return; // another one was chosen
   clicks.begin(of.size_px, fresh ? [] : clicks.points);
   next();
   later(0);
@@ -103,6 +104,7 @@ async function showPicture(name, fresh = false) {
 async function receive(files) {
   words("receiving …");
   await showPhone(); // a person may drop pictures before the folder has been read
+  if (folder?.name !== byId("phone-folder").value) await openFolder(); // or while another folder is read
   let done = 0, failed = "";
   for (const file of files) {
     words(`receiving ${file.name}, ${done + 1} of ${files.length} …`);

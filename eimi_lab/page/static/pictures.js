@@ -1,4 +1,4 @@
-// The view "Pictures": pictures taken without instruments. A person drags clamp, axis and ruler into place; the edges are found again at once.
+// The view "Pictures": a person drags clamp, axis and ruler into place; the edges are found again at once.
 import { Clicks, draggable } from "./clicks.js";
 import { ask, askPicture, byId, el, flagList, number, post, svg, tell } from "./dom.js";
 import { steer } from "./live.js";

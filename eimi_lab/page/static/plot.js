@@ -2,7 +2,7 @@
 import { number, svg } from "./dom.js";
 
 const WIDE = 480, RIGHT = 12, TOP = 12, BELOW = 44;
-const TITLE = 30, DIGIT = 7.5; // width of the rotated title of the y axis with its gap, and width of a digit of a label
+const TITLE = 30, DIGIT = 7.5; // widths of the rotated title of the y axis with its gap, and of a digit
 
 // Return about `many` ticks from low to high, each with its value and its label. whole: only whole numbers.
 function ticks(low, high, many, whole) {

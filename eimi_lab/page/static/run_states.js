@@ -1,4 +1,4 @@
-// The states of the shown run that its dataset contains: the tip angle of each state, and the modulus from the states so far.
+// The stored states of the shown run: the tip angle of each state, and the modulus from the states so far.
 import { ask, byId, decimals, number, withSigma } from "./dom.js";
 import { state } from "./live.js";
 import { plot } from "./plot.js";

@@ -9,10 +9,12 @@ const picture = new Picture(byId("run-picture"));
 const slider = byId("state");
 let folder = "";
 let open = null; // { file, about: description, edges: by state, state: the selected one, number: counts the openings }
-let openings = 0;
+let openings = 0, listings = 0;
 
 export async function showFolder(name = folder) {
+  const mine = ++listings;
   const listing = await ask("/api/folder", { in: name });
+  if (mine !== listings) return; // a later request was made
   folder = name;
   byId("where").textContent = name ? `${listing.root}/${name}` : listing.root;
   const rows = [];

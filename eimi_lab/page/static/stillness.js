@@ -1,7 +1,7 @@
-// Decides whether the live picture is still. The edges of an earlier frame are drawn only while the picture looks like that frame.
+// Decides whether the live picture is still. Earlier edges are drawn only while it is still.
 const [WIDE, HIGH] = [160, 128]; // size at which two pictures are compared, px
 const LEVELS = 16; // change of a pixel that counts, of 255 grey levels: an edge of good contrast moved by about one thousandth of the picture
-const PIXELS = 10; // number of changed pixels up to which a picture is still; noise changes fewer pixels
+const PIXELS = 10; // largest number of changed pixels of a still picture; noise changes fewer
 
 export class Stillness {
   constructor() {

@@ -29,6 +29,7 @@ from eimi_lab.config.specimen import load_specimen
 from eimi_lab.dataset.importing import import_frames
 from eimi_lab.page.server import Page, guarded
 from tests.patience import PATIENCE_S
+from tests.shared.processes import wait_until
 
 TOKEN = "t" * 43
 
@@ -58,7 +59,8 @@ class Served:
     @contextmanager
     def socket(self, introduced: bool = True) -> Iterator[ClientConnection]:
         # Open a WebSocket of the page; if `introduced`, its first message is the secret token of the page.
-        with connect(f"ws://{self.host}/live", origin=f"http://{self.host}", proxy=None) as connection:
+        origin = f"http://{self.host}"
+        with connect(f"ws://{self.host}/live", origin=origin, proxy=None, open_timeout=PATIENCE_S) as connection:
             if introduced:
                 connection.send(json.dumps({"token": TOKEN}))
             yield connection
@@ -119,8 +121,12 @@ def chromium() -> Iterator[Any]:
         installed = shutil.which("chromium") or shutil.which("chromium-browser")
         try:
             browser = driver.chromium.launch(
-                executable_path=installed, args=["--no-sandbox"] if os.geteuid() == 0 else []
+                executable_path=installed,
+                args=["--no-sandbox"] if os.geteuid() == 0 else [],
+                timeout=1000 * PATIENCE_S,
             )
+        except playwright.TimeoutError:
+            raise
         except playwright.Error as error:
             pytest.skip(f"needs a browser: install Debian's chromium ({str(error).splitlines()[0]})")
         yield browser
@@ -128,7 +134,7 @@ def chromium() -> Iterator[Any]:
 
 
 @pytest.fixture
-def tab(chromium: Any) -> Iterator[Callable[[str], Any]]:
+def tab(chromium: Any, request: pytest.FixtureRequest) -> Iterator[Callable[[str], Any]]:
     # Return a function that opens an address in a new tab; the test fails if a script of the page raises an error.
     context = chromium.new_context(viewport={"width": 1280, "height": 720})
     context.set_default_timeout(1000 * PATIENCE_S)
@@ -146,6 +152,9 @@ def tab(chromium: Any) -> Iterator[Callable[[str], Any]]:
 
     yield open_tab
     context.close()
+    if "served" in request.fixturenames:  # the next tab is in control only if the server has noticed the end of these
+        tabs = request.getfixturevalue("served").page.tabs
+        wait_until(lambda: not tabs.any_open(), "the server did not notice that the tabs were closed")
     assert faults == []
 
 

@@ -121,7 +121,7 @@ def test_the_browser_is_given_a_file_and_not_the_token(
             assert given.startswith("file://")
             assert token not in given
             page = tab(given)
-            page.get_by_text("in control").first.wait_for()
+            page.get_by_text("in control", exact=True).first.wait_for()
             assert token not in page.url
         finally:
             process.terminate()
@@ -129,7 +129,7 @@ def test_the_browser_is_given_a_file_and_not_the_token(
 
 def test_a_server_on_another_port_learns_nothing_from_the_browser(served: Any, tab: Any) -> None:
     page = tab(served.address)
-    page.get_by_text("in control").first.wait_for()
+    page.get_by_text("in control", exact=True).first.wait_for()
     with socket.create_server(("127.0.0.1", 0)) as other:
         other.settimeout(PATIENCE_S)
         link = f"http://127.0.0.1:{other.getsockname()[1]}/"

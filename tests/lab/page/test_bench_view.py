@@ -58,7 +58,7 @@ def test_a_run_is_started_watched_by_two_tabs_reloaded_and_stopped(
     page.locator("#live-plot circle.dot >> nth=1").wait_for()
     assert "no rating" not in page.locator("#bench").inner_text()  # of the heat of the coil
     page.reload()
-    page.get_by_text("in control").first.wait_for()
+    page.get_by_text("in control", exact=True).first.wait_for()
     frames_arrive(page)
     assert not emulated_bench.is_off()
 
@@ -100,7 +100,7 @@ def test_a_run_is_started_watched_by_two_tabs_reloaded_and_stopped(
     page.locator("#live polyline >> nth=1").wait_for(state="attached")
     assert page.locator("#live canvas").get_attribute("aria-label") == f"state {stored - 1} of run.h5"
     assert page.locator("#live polyline").count() == 2
-    assert page.get_by_role("button", name="Fit this").is_visible()
+    page.get_by_role("button", name="Fit this").wait_for()
 
 
 def test_a_run_that_fails_shows_its_reason_and_nothing_of_the_previous_run(

@@ -64,7 +64,7 @@ def test_stop_is_visible_wherever_the_page_is_scrolled(served: Any, tab: Any, wi
 def test_no_message_moves_stop_or_makes_the_page_wider(served: Any, tab: Any, wide: int, high: int) -> None:
     page = tab(served.address)
     page.set_viewport_size({"width": wide, "height": high})
-    page.get_by_text("in control").wait_for()
+    page.get_by_text("in control", exact=True).wait_for()
     stop = page.get_by_role("button", name="STOP")
     before = stop.bounding_box()
     for place, words in {

@@ -63,9 +63,10 @@ def open_rod(page: Any) -> None:
 
 def test_the_fit_button_fits_the_dataset_on_the_screen_while_it_still_loads(served: Any, tab: Any, rod: Path) -> None:
     page = tab(f"{served.address}#runs")
-    page.get_by_text("in control").first.wait_for()
+    page.get_by_text("in control", exact=True).first.wait_for()
     page.get_by_role("button", name="run.h5").click()
     page.get_by_text("2 of 2").wait_for()
+    page.locator("#files button[aria-current]").wait_for()  # the list is written again after a dataset was opened
     page.get_by_role("button", name="rods/").click()
     page.get_by_role("button", name="rod.h5").wait_for()
     held: list[Any] = []
@@ -83,7 +84,7 @@ def test_the_fit_button_fits_the_dataset_on_the_screen_while_it_still_loads(serv
 
 def test_a_run_is_fitted_and_its_report_opened(served: Any, tab: Any, rod: Path) -> None:
     page = tab(f"{served.address}#runs")
-    page.get_by_text("in control").first.wait_for()
+    page.get_by_text("in control", exact=True).first.wait_for()
     open_rod(page)
     page.locator("#law").select_option("neo-hookean")
     page.get_by_role("button", name="Fit", exact=True).click()
@@ -98,7 +99,8 @@ def test_a_run_is_fitted_and_its_report_opened(served: Any, tab: Any, rod: Path)
     shown = re.search(r"initial shear modulus ([\d.]+)\skPa \(95 % interval: ([\d.]+) to ([\d.]+)\skPa", result)
     numbers = [fit["initial_shear_modulus"]["value"], *fit["initial_shear_modulus"]["interval_95"]]
     assert [float(text) for text in shown.groups()] == pytest.approx([1e-3 * number for number in numbers], abs=0.006)
-    page.get_by_role("link", name="Report", exact=True).wait_for()  # the page asks for the link after the end of the fit
+    # The page asks for the link after the end of the fit.
+    page.get_by_role("link", name="Report", exact=True).wait_for()
     report = served.ask(page.locator("#fit-report").get_attribute("href"))
     assert report.status == 200
     assert b"rod" in report.body
