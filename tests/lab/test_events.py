@@ -345,7 +345,7 @@ def test_a_reader_that_has_ended_or_does_not_read_never_delays_the_run(bench: Pa
 
 
 def test_the_guardian_of_a_killed_run_continues_the_events(bench: Path) -> None:
-    # With so many states, the run has not ended when a busy test kills it.
+    # A run of 50 states has not ended when a test, delayed on a busy computer, kills it.
     protocol = bench / "protocol.toml"
     protocol.write_text(protocol.read_text().replace("stop_A = 0.3\nstep_A = 0.1", "stop_A = 0.98\nstep_A = 0.02", 1))
     with emulated(bench) as coil:
