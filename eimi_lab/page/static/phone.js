@@ -104,7 +104,7 @@ async function showPicture(name, fresh = false) {
 async function receive(files) {
   words("receiving …");
   await showPhone(); // a person may drop pictures before the folder has been read
-  if (folder?.name !== byId("phone-folder").value) await openFolder(); // or while another folder is read
+  if (folder?.name !== byId("phone-folder").value) await openFolder(); // or before another folder has been read
   let done = 0, failed = "";
   for (const file of files) {
     words(`receiving ${file.name}, ${done + 1} of ${files.length} …`);

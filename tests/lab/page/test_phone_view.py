@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -282,3 +283,27 @@ def test_a_wrong_click_or_number_is_named(
     answer = served.ask("/api/phone/edges", "POST", json.dumps(request).encode(), Origin=f"http://{served.host}")
     assert answer.status == 400
     assert words in json.loads(answer.body)["error"]
+
+
+def test_a_picture_that_is_dropped_while_a_folder_is_opened_goes_into_this_folder(
+    served: Any, tab: Any, frame: Any, tmp_path: Path
+) -> None:
+    chosen = served.folder / "zzz"
+    chosen.mkdir()
+    cv2.imwrite(str(chosen / "a.png"), frame(1, 2.0))
+    cv2.imwrite(str(tmp_path / "dropped.png"), frame(2, 3.0))
+    page = tab(f"{served.address}#phone")
+    page.get_by_text("in control", exact=True).wait_for()
+    page.get_by_text("Click 1 of 4").wait_for()
+    held: list[Any] = []
+    page.route(re.compile(r"/api/phone\?folder=zzz"), lambda route: held.append(route), times=2)
+    page.locator("#phone-folder").select_option("zzz")
+    page.locator("#phone-files").set_input_files(str(tmp_path / "dropped.png"))
+    while len(held) < 2 and not list(served.folder.rglob("dropped.png")):
+        page.wait_for_timeout(10)
+    for route in held:
+        route.continue_()
+    page.get_by_text("1 picture is in the folder").wait_for()
+    stored = list(served.folder.rglob("dropped.png"))
+    shutil.rmtree(chosen)
+    assert stored == [chosen / "dropped.png"]

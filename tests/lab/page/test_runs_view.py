@@ -61,6 +61,22 @@ def open_rod(page: Any) -> None:
     page.get_by_role("button", name="rod.h5").click()
 
 
+def test_a_late_list_of_a_folder_does_not_replace_the_list_of_the_next_folder(served: Any, tab: Any, rod: Path) -> None:
+    page = tab(f"{served.address}#runs")
+    page.get_by_role("button", name="run.h5").wait_for()
+    late: list[Any] = []
+    page.route(re.compile(r"/api/folder\?in=$"), lambda route: late.append(route))
+    page.get_by_role("button", name="run.h5").click()
+    page.get_by_text("2 of 2").wait_for()
+    page.get_by_role("button", name="rods/").click()
+    page.get_by_role("button", name="rod.h5").wait_for()
+    (route,) = late
+    with page.expect_response(route.request.url):
+        route.continue_()
+    page.wait_for_timeout(200)  # a script of the page reads the answer
+    assert page.get_by_role("button", name="rod.h5").is_visible()
+
+
 def test_the_fit_button_fits_the_dataset_on_the_screen_while_it_still_loads(served: Any, tab: Any, rod: Path) -> None:
     page = tab(f"{served.address}#runs")
     page.get_by_text("in control", exact=True).first.wait_for()
