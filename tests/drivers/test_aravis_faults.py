@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import re
+import socket
+import struct
+import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 
 import numpy as np
 import pytest
@@ -148,6 +151,34 @@ def test_without_a_complete_frame_the_error_names_why_the_frames_were_incomplete
     ):
         camera.grab(5.0)
     camera.close()
+
+
+@contextmanager
+def packets_of_another_program(frame_number: int) -> Iterator[None]:
+    # Send packets on the loopback interface that look like parts of the frame `frame_number`, but not to the camera.
+    ended = threading.Event()
+
+    def send() -> None:
+        with socket.socket(type=socket.SOCK_DGRAM) as other, socket.socket(type=socket.SOCK_DGRAM) as line:
+            other.bind((LOOPBACK, 0))
+            while not ended.wait(5e-4):
+                line.sendto(struct.pack(">HHI", 0, frame_number, 0x01000000) + bytes(40), other.getsockname())
+
+    sender = threading.Thread(target=send)
+    sender.start()
+    yield
+    ended.set()
+    sender.join()
+
+
+@needs_aravis
+def test_packets_of_another_program_are_no_frames_of_the_camera(none_served: None) -> None:
+    # With the rights of root, Aravis can receive every packet of the computer. The camera gives the numbers from 65401.
+    with gige_camera(serial_number="EIMI01"), packets_of_another_program(65450):
+        for _ in range(6):
+            camera = opened()
+            camera.grab(GRAB_S)
+            camera.close()
 
 
 @needs_aravis

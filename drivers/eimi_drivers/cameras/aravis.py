@@ -15,7 +15,7 @@ from contextlib import suppress
 from ctypes import byref, c_int, c_size_t
 from dataclasses import dataclass
 
-from eimi_drivers.cameras.aravis_library import BUFFER_STATUS, SUCCESS, Aravis, load_aravis
+from eimi_drivers.cameras.aravis_library import BUFFER_STATUS, PACKET_SOCKET_DISABLED, SUCCESS, Aravis, load_aravis
 from eimi_drivers.cameras.aravis_settings import set_up
 from eimi_drivers.cameras.labelled import labelled
 from eimi_drivers.cameras.pixel_formats import decode
@@ -202,6 +202,11 @@ class AravisCamera:
         return Identity(self.name, f"{vendor} {model} {serial_number}", self.source, serial_number)
 
     def _start(self) -> int:
+        if self._gige:
+            # With the rights of root, Aravis 0.8 receives through a packet socket. Until its filter is set, it takes
+            # packets of other programs for frames of the camera, and later discards frames with smaller numbers.
+            device = self._aravis.camera_get_device(self._camera)
+            self._aravis.gv_device_set_stream_options(device, PACKET_SOCKET_DISABLED)
         stream = int(self._aravis.camera_create_stream(self._camera, None, None))
         self._objects.append(stream)
         payload = self._aravis.camera_get_payload(self._camera)

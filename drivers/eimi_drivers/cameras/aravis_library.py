@@ -50,6 +50,10 @@ BUFFER_STATUS = {
 
 SUCCESS = 0
 
+PACKET_SOCKET_DISABLED = 1
+"""The value of ArvGvStreamOption with which frames arrive through an ordinary UDP socket (arvgvstream.h of Aravis 0.8).
+"""
+
 
 class _GError(ctypes.Structure):
     _fields_ = (("domain", c_uint32), ("code", c_int), ("message", c_char_p))
@@ -123,6 +127,7 @@ _PLAIN: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "arv_camera_is_gv_device": (c_bool, (pointer,)),
     "arv_camera_set_range_check_policy": (None, (pointer, c_int)),
     "arv_gv_device_is_controller": (c_bool, (pointer,)),
+    "arv_gv_device_set_stream_options": (None, (pointer, c_int)),
     "arv_buffer_new_allocate": (pointer, (c_size_t,)),
     "arv_buffer_get_status": (c_int, (pointer,)),
     "arv_buffer_get_frame_id": (c_uint64, (pointer,)),
