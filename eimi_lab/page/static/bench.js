@@ -1,5 +1,5 @@
 // The view "Bench": choose the files of a run, list its steps (dry run), and control the run. STOP is in the header.
-import { ask, askPicture, byId, el, facts, flagList, number, svg, tell, withSigma } from "./dom.js";
+import { ask, askPicture, byId, el, facts, flagList, number, svg, tell, tellError, tried, withSigma } from "./dom.js";
 import { on, state, steer } from "./live.js";
 import { Picture } from "./picture.js";
 import { showStates } from "./run_states.js";
@@ -12,10 +12,6 @@ let lastAbout = null, lastEdges = null;
 let storedOf = 0; // number of the ended run whose last state was read from its dataset
 
 const BEGINS = "starting the run …";
-const tried = (act) => async (event) => {
-  event?.preventDefault();
-  try { await act(); } catch (error) { tell(error.message, true); }
-};
 
 export async function showBench() {
   if (choicesShown) return;
@@ -74,7 +70,7 @@ function showState({ run, control, camera = null }) {
   if (run.phase !== "beginning" && byId("told").textContent === BEGINS) tell("");
   if (lastAbout && shownRun === run.number) showValues(lastAbout);
   if (!goingOn && lastAbout && shownRun === run.number) picture.canvas.setAttribute("aria-label", "the last picture of the run");
-  if (!goingOn && !lastAbout && run.stored && shownRun === run.number) showStored(run).catch((error) => tell(error.message, true));
+  if (!goingOn && !lastAbout && run.stored && shownRun === run.number) showStored(run).catch(tellError);
   byId("progress").max = run.states || 1;
   byId("progress").value = run.stored;
   facts(byId("progress-facts"), [
@@ -106,8 +102,7 @@ async function showStored({ number: run, dataset: file, stored }) {
   const at = { file, state: stored - 1 };
   const [blob, edges] = await Promise.all([askPicture("/api/dataset/picture", at), ask("/api/dataset/edges", at)]);
   if (shownRun !== run || lastAbout) return;
-  await picture.show(blob, null, `state ${at.state} of ${file}`);
-  picture.draw(edges);
+  if (await picture.show(blob, null, `state ${at.state} of ${file}`)) picture.draw(edges);
   showCameraWords();
 }
 
@@ -135,8 +130,7 @@ function forget(number) {
 
 on("state", showState);
 on("frame", async (about, blob) => {
-  if (about.run !== shownRun) return;
-  await picture.show(blob, about.size_px, `live picture, frame ${about.number}`);
+  if (about.run !== shownRun || !await picture.show(blob, about.size_px, `live picture, frame ${about.number}`)) return;
   stillness.see(picture.canvas, about.seen);
   drawEdges();
   byId("live").dataset.seen = about.seen;

@@ -27,6 +27,11 @@ export function tell(words, bad = false) {
   told.textContent = words;
   told.classList.toggle("bad", bad);
 }
+export const tellError = (error) => tell(error.message, true);
+export const tried = (act) => async (event) => {
+  event?.preventDefault();
+  try { await act(event); } catch (error) { tellError(error); }
+};
 
 export function facts(list, pairs) {
   list.replaceChildren(...pairs.flatMap(([name, value]) => [el("dt", {}, name), el("dd", {}, String(value ?? "—"))]));

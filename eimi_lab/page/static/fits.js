@@ -1,5 +1,5 @@
 // The fit of the open dataset: start the fit, show its progress and its result.
-import { ask, byId, el, number, tell } from "./dom.js";
+import { ask, byId, el, number, tellError, tried } from "./dom.js";
 import { on, state, steer } from "./live.js";
 import { plot } from "./plot.js";
 
@@ -72,11 +72,8 @@ on("state", ({ fit }) => {
   showProgress();
   if (stageOf(fit) === shown) return;
   shown = stageOf(fit);
-  if (shown && fit.phase !== "fitting") showFits(file).catch((error) => tell(error.message, true));
+  if (shown && fit.phase !== "fitting") showFits(file).catch(tellError);
 });
 
-byId("fit").addEventListener("submit", (event) => {
-  event.preventDefault();
-  steer("/api/fit/start", { dataset: file, model: byId("law").value, replace: stored.length > 0 }).catch((error) => tell(error.message, true));
-});
-byId("fit-end").addEventListener("click", () => steer("/api/fit/end").catch((error) => tell(error.message, true)));
+byId("fit").addEventListener("submit", tried(() => steer("/api/fit/start", { dataset: file, model: byId("law").value, replace: stored.length > 0 })));
+byId("fit-end").addEventListener("click", tried(() => steer("/api/fit/end")));

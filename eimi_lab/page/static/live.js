@@ -1,5 +1,5 @@
 // The WebSocket to the server: it brings the state of the page, the newest frame, and whether this tab is in control.
-import { byId, post, tell } from "./dom.js";
+import { byId, post, tell, tellError } from "./dom.js";
 import { token } from "./token.js";
 
 const listeners = { state: [], frame: [], edges: [] };
@@ -47,7 +47,7 @@ function showFrame(data) {
   const about = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length)));
   const blob = new Blob([new Uint8Array(data, 4 + length)], { type: "image/jpeg" });
   Promise.all(listeners.frame.map((act) => act(about, blob)))
-    .catch((error) => tell(error.message, true))
+    .catch(tellError)
     .finally(() => requestAnimationFrame(() => say({ shown: about.seen })));
   setTimeout(() => say({ shown: about.seen }), 200); // a tab in the background does not draw
 }

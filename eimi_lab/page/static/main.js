@@ -1,6 +1,6 @@
 // Shows the view whose name stands after # in the address.
 import { showBench } from "./bench.js";
-import { byId, tell } from "./dom.js";
+import { byId, tellError } from "./dom.js";
 import "./outcome.js";
 import { showPhone } from "./phone.js";
 import { showPictures } from "./pictures.js";
@@ -16,7 +16,7 @@ function show() {
     if (link.hash === `#${view}`) link.setAttribute("aria-current", "page");
     else link.removeAttribute("aria-current");
   }
-  Promise.resolve(VIEWS[view]()).catch((error) => tell(error.message, true));
+  Promise.resolve(VIEWS[view]()).catch(tellError);
 }
 
 addEventListener("hashchange", show);

@@ -1,5 +1,5 @@
 // The result of an ended run: why it failed, and the next steps, which are the fit and the report.
-import { ask, byId, tell } from "./dom.js";
+import { ask, byId, tellError, tried } from "./dom.js";
 import { on, state } from "./live.js";
 import { openRun } from "./runs.js";
 
@@ -20,7 +20,7 @@ export function showOutcome(run) {
   const stage = `${run.number} ${state.fit?.number} ${state.fit?.phase}`;
   if (run.stored && stage !== shown) {
     shown = stage;
-    showReport(run).catch((error) => tell(error.message, true)).finally(() => {
+    showReport(run).catch(tellError).finally(() => {
       if (state.run?.number !== run.number) return;
       answered = run.number;
       byId("fit-this").hidden = false;
@@ -37,13 +37,11 @@ async function showReport(run) {
   byId("fit-this").dataset.fit = fits.length ? "" : "1";
 }
 
-byId("fit-this").addEventListener("click", async () => {
+byId("fit-this").addEventListener("click", tried(async () => {
   const { run } = state, fits = byId("fit-this").dataset.fit;
-  try {
-    location.hash = "#runs";
-    await openRun(run.dataset);
-    byId("fit").scrollIntoView();
-    if (fits && !byId("fit-start").disabled) byId("fit").requestSubmit();
-  } catch (error) { tell(error.message, true); }
-});
+  location.hash = "#runs";
+  await openRun(run.dataset);
+  byId("fit").scrollIntoView();
+  if (fits && !byId("fit-start").disabled) byId("fit").requestSubmit();
+}));
 on("state", ({ run }) => showOutcome(run));

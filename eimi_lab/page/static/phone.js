@@ -1,6 +1,6 @@
 // The view "Weights and a phone": photographs, clicks and typed numbers give the shear modulus of the beam.
 import { Clicks } from "./clicks.js";
-import { address, ask, askPicture, byId, el, flagList, number, post, send, tell } from "./dom.js";
+import { address, ask, askPicture, byId, el, flagList, number, post, send } from "./dom.js";
 import { on, state, steer } from "./live.js";
 import { Picture } from "./picture.js";
 import { openRun } from "./runs.js";
@@ -149,7 +149,7 @@ function later(wait = WAIT_MS) {
 async function findEdges() {
   const mine = ++asked;
   picture.draw(null);
-  if (!folder?.pictures.length || !complete()) return;
+  if (!shown || !complete()) return;
   words("looking for the edges …");
   try {
     const edges = await post("/api/phone/edges", { folder: folder.name, picture: shown, clicks: clicked(), beam: beam() });

@@ -2,6 +2,8 @@
 import { el, svg } from "./dom.js";
 
 export class Picture {
+  asked = 0; drawn = 0; // numbers of the newest picture, and of the newest one on the screen
+
   constructor(figure) {
     this.figure = figure;
     this.canvas = el("canvas", { width: 4, height: 3, role: "img", "aria-label": "no picture yet" });
@@ -11,9 +13,11 @@ export class Picture {
     figure.replaceChildren(this.canvas, this.over);
   }
 
-  // size: width and height of the original picture, px, if blob is a reduced copy.
+  // size: width and height of the original picture, px, if blob is a reduced copy. Returns false if a later picture is on the screen, or clear() was called.
   async show(blob, size = null, words = "") {
-    const image = await createImageBitmap(blob);
+    const mine = ++this.asked, image = await createImageBitmap(blob);
+    if (mine <= this.drawn) return false;
+    this.drawn = mine;
     const { width, height } = image;
     this.figure.hidden = false;
     if (this.canvas.width !== width || this.canvas.height !== height) Object.assign(this.canvas, { width, height });
@@ -22,9 +26,11 @@ export class Picture {
     const [wide, high] = size ?? [width, height];
     this.over.setAttribute("viewBox", `-0.5 -0.5 ${wide} ${high}`); // pixel centres lie at whole numbers
     if (words) this.canvas.setAttribute("aria-label", words);
+    return true;
   }
 
   clear() {
+    this.drawn = this.asked;
     this.figure.hidden = true;
     this.canvas.setAttribute("aria-label", "no picture yet");
     this.draw(null);

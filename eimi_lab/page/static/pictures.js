@@ -1,6 +1,6 @@
 // The view "Pictures": a person drags clamp, axis and ruler into place; the edges are found again at once.
 import { Clicks, draggable } from "./clicks.js";
-import { ask, askPicture, byId, el, flagList, number, post, svg, tell } from "./dom.js";
+import { ask, askPicture, byId, el, flagList, number, post, svg, tell, tellError, tried } from "./dom.js";
 import { steer } from "./live.js";
 import { Picture } from "./picture.js";
 import { openRun } from "./runs.js";
@@ -16,11 +16,6 @@ let folder = null; // { name, pictures, size_px, calibration, … }
 let saved = ""; // the values that are in the files of the folder; empty if a file is missing
 let shown = "", ruler = null, reach = 100, asked = 0, waiting = null, ready = false;
 
-const tried = (act) => async (event) => {
-  event?.preventDefault();
-  try { await act(); } catch (error) { tell(error.message, true); }
-};
-
 export async function showPictures() {
   if (ready) return;
   ready = true;
@@ -35,7 +30,8 @@ async function openFolder() {
   const name = byId("picture-folder").value;
   byId("picture-list").replaceChildren(); // the inputs belong to the previous folder
   byId("by-hand-words").textContent = "";
-  asked += 1; // an answer for the previous folder is not shown
+  asked += 1;
+  shown = ""; // a late answer or picture of the previous folder is not shown
   const opened = await ask("/api/pictures", { folder: name });
   if (byId("picture-folder").value !== name) return;
   folder = { name, ...opened };
@@ -74,7 +70,8 @@ async function showPicture(name) {
   for (const button of byId("picture-list").querySelectorAll("button")) button.setAttribute("aria-current", String(button.textContent === name));
   const of = folder, blob = await askPicture("/api/pictures/picture", { folder: of.name, picture: name });
   if (shown !== name || folder !== of) return;
-  await picture.show(blob, folder.size_px, name);
+  await picture.show(blob, of.size_px, name);
+  if (shown !== name || folder !== of) return;
   along_points.begin(folder.size_px, isFirst() ? points : []);
   tellPoints();
   drawHandles();
@@ -154,11 +151,11 @@ function move(handle, [x, y]) {
 
 function later() {
   clearTimeout(waiting);
-  waiting = setTimeout(() => findEdges().catch((error) => tell(error.message, true)), WAIT_MS);
+  waiting = setTimeout(() => findEdges().catch(tellError), WAIT_MS);
 }
 
 async function findEdges() {
-  if (!folder) return;
+  if (!shown) return;
   const mine = ++asked;
   const body = { folder: folder.name, picture: shown, specimen: byId("picture-specimen").value, calibration: calibration() };
   try {
@@ -188,6 +185,7 @@ for (const id of [...Object.keys(FIELDS), "clamp-x", "clamp-y", "channel", "pola
   byId(id).addEventListener("input", () => { if (folder) { drawHandles(); later(); } });
 }
 byId("calibration").addEventListener("submit", tried(async () => {
+  if (folder?.name !== byId("picture-folder").value) throw new Error("the folder is still being opened");
   const body = { folder: folder.name, calibration: calibration(), currents: currents(), replace: byId("replace").checked };
   const values = onScreen();
   const { written, states } = await steer("/api/pictures/save", body);

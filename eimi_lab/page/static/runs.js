@@ -1,5 +1,5 @@
 // The view "Runs": the datasets of the folder. A dataset is opened read-only, also while a run writes it.
-import { ask, askPicture, byId, el, facts, flagList, number, tell, withSigma } from "./dom.js";
+import { ask, askPicture, byId, el, facts, flagList, number, tell, tellError, tried, withSigma } from "./dom.js";
 import { showFits } from "./fits.js";
 import { Picture } from "./picture.js";
 import { plot } from "./plot.js";
@@ -29,8 +29,7 @@ export async function showFolder(name = folder) {
 }
 
 function entry(words, choose, current) {
-  const act = () => Promise.resolve(choose()).catch((error) => tell(error.message, true));
-  return el("li", {}, el("button", { type: "button", onclick: act, "aria-current": current }, words));
+  return el("li", {}, el("button", { type: "button", onclick: tried(choose), "aria-current": current }, words));
 }
 
 export async function openRun(file) {
@@ -108,7 +107,7 @@ async function findEdges(run) {
     try {
       run.edges[index] = await ask("/api/dataset/edges", { file: run.file, state: index });
     } catch (error) {
-      tell(error.message, true);
+      tellError(error);
       return;
     }
     if (open === run) { if (run.state === index) showFound(); else drawPlot(); }
@@ -126,12 +125,12 @@ async function watch(run) {
       if (!before) await showState(0);
       if (run.about.states.length > before) await findEdges(run);
     } catch (error) {
-      tell(error.message, true);
+      tellError(error);
     }
   }
 }
 
-const step = (by) => open && showState(Math.min(Number(slider.max), Math.max(0, open.state + by))).catch((error) => tell(error.message, true));
+const step = (by) => open && showState(Math.min(Number(slider.max), Math.max(0, open.state + by))).catch(tellError);
 byId("state-before").addEventListener("click", () => step(-1));
 byId("state-next").addEventListener("click", () => step(1));
 slider.addEventListener("input", () => step(Number(slider.value) - open.state));

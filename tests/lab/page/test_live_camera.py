@@ -105,3 +105,30 @@ def test_a_value_is_shown_with_as_many_digits_as_its_uncertainty_allows(served: 
         cases,
     )
     assert shown == ["0.00 ± 0.02°", "0.00 ± 0.02°", "43.728 ± 0.012°", "44 ± 3°", "43.7°", "—"]
+
+
+def test_a_picture_that_is_decoded_late_neither_replaces_a_later_one_nor_appears_after_a_clear(
+    served: Any, tab: Any
+) -> None:
+    page = tab(served.address)
+    shown = page.evaluate(
+        """async () => {
+          const { Picture } = await import("/static/picture.js");
+          const figure = document.createElement("figure"), picture = new Picture(figure), decoded = [];
+          const decode = globalThis.createImageBitmap;
+          const bitmap = (width) => decode(new ImageData(width, 3));
+          globalThis.createImageBitmap = () => new Promise((resolve) => decoded.push(resolve));
+          const early = picture.show(null, null, "early"), late = picture.show(null, null, "late");
+          decoded[1](await bitmap(5));
+          decoded[0](await bitmap(4));
+          const answers = [await early, await late], { width } = picture.canvas;
+          const words = picture.canvas.getAttribute("aria-label");
+          const cleared = picture.show(null, null, "cleared");
+          picture.clear();
+          decoded[2](await bitmap(6));
+          answers.push(await cleared);
+          globalThis.createImageBitmap = decode;
+          return { answers, width, words, hidden: figure.hidden };
+        }"""
+    )
+    assert shown == {"answers": [False, True, False], "width": 5, "words": "late", "hidden": True}

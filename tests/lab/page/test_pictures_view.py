@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from pathlib import Path
 from typing import Any
@@ -93,6 +94,29 @@ def test_points_clicked_along_the_beam_are_stored_with_the_dataset(served: Any, 
         assert dataset.calibration is not None
         assert dataset.calibration.picture is not None
         assert np.allclose(dataset.calibration.picture.along_px or (), [(64, 26), (64, 38)], atol=0.6)
+
+
+def test_nothing_of_the_previous_folder_is_saved_or_searched_while_a_folder_is_opened(served: Any, tab: Any) -> None:
+    chosen = served.folder / "zzz"
+    shutil.copytree(served.folder / "frames", chosen)
+    page = tab(f"{served.address}#pictures")
+    page.get_by_text("in control", exact=True).wait_for()
+    page.locator("#by-hand-words:not(:empty)").wait_for()
+    held: list[Any] = []
+    page.route(re.compile(r"/api/pictures\?folder=zzz"), lambda route: held.append(route))
+    page.get_by_label("Folder of pictures").select_option("zzz")
+    page.get_by_role("button", name="middle of the clamp").press("ArrowRight")
+    page.get_by_role("button", name="Save").click()
+    page.get_by_text("the folder is still being opened").wait_for()
+    page.wait_for_timeout(400)  # the edges would be searched after 120 ms
+    assert page.locator("#by-hand-words").inner_text() == ""
+    for route in held:
+        route.continue_()
+    page.locator("#by-hand-words:not(:empty)").wait_for()
+    page.get_by_label("current of frame_1.png").fill("0")
+    page.get_by_role("button", name="Save").click()
+    page.get_by_text("saved calibration.toml and states.csv in zzz: 1 pictures have a current").wait_for()
+    shutil.rmtree(chosen)
 
 
 @pytest.mark.parametrize(
