@@ -85,7 +85,8 @@ def end(kept: list[tuple[ExitStack, CameraProcess]]) -> None:
 
 
 def answer_patiently(check, monkeypatch: pytest.MonkeyPatch) -> None:
-    # The process of the emulated camera may be late on a busy computer. An unplugged camera must still be noticed.
+    # On a busy computer, the emulated camera may answer late. The limit stays short in the check that unplugs the
+    # camera.
     if check is camera_checks.gives_up_on_a_camera_that_hangs:
         monkeypatch.setattr(aravis, "ANSWER_WITHIN_S", PATIENCE_S)
 
@@ -155,7 +156,7 @@ def test_without_a_complete_frame_the_error_names_why_the_frames_were_incomplete
 
 @contextmanager
 def packets_of_another_program(frame_number: int) -> Iterator[None]:
-    # Send packets on the loopback interface that look like parts of the frame `frame_number`, but not to the camera.
+    # Send packets that look like parts of the frame `frame_number` to a port of this computer that Aravis does not use.
     ended = threading.Event()
 
     def send() -> None:
@@ -173,7 +174,8 @@ def packets_of_another_program(frame_number: int) -> Iterator[None]:
 
 @needs_aravis
 def test_packets_of_another_program_are_no_frames_of_the_camera(none_served: None) -> None:
-    # With the rights of root, Aravis can receive every packet of the computer. The camera gives the numbers from 65401.
+    # If the tests run as root, Aravis could receive every packet of the computer. The first frame of the emulated
+    # camera has the number 65401, and Aravis discards frames whose numbers are slightly smaller than the last number.
     with gige_camera(serial_number="EIMI01"), packets_of_another_program(65450):
         for _ in range(6):
             camera = opened()

@@ -45,7 +45,7 @@ def test_a_pseudo_terminal_leaves_no_open_file_and_no_thread():
         supply = open_supply("scpi", address, LIMITS)
         assert not supply.output_on()
         supply.close()
-    # Files and threads of earlier tests may end meanwhile.
+    # Some files and threads of earlier tests may have been closed during this test.
     assert set(os.listdir("/dev/fd")) <= before[0]
     assert set(threading.enumerate()) <= before[1]
 

@@ -48,7 +48,8 @@ class StubbornCamera:
 
 @pytest.fixture(autouse=True)
 def patient(monkeypatch: pytest.MonkeyPatch) -> None:
-    # A busy computer may delay the thread of the calls; a test sets a short limit for a call that never returns.
+    # A busy computer may delay the thread that calls the camera, so the time limits are long here. A test in which a
+    # call never returns sets a short limit.
     monkeypatch.setattr(timed, "ANSWER_WITHIN_S", PATIENCE_S)
     monkeypatch.setattr(timed, "OPEN_WITHIN_S", PATIENCE_S)
     monkeypatch.setattr(timed, "_callers", [])
@@ -179,7 +180,7 @@ def test_a_simulated_camera_is_timed_by_its_processor_time() -> None:
 
 def test_a_simulated_camera_that_computes_too_long_raises_a_timeout() -> None:
     inner, now = StubbornCamera("grab"), iter(range(1000))
-    # The opening may take long too, and its time does not count here.
+    # The time passes only after the camera has been opened, because this test is about the time of `grab`.
     camera = TimedCamera("virtual", lambda: inner, seconds=lambda: float(next(now)) if inner.calls else 0.0)
     with pytest.raises(InstrumentTimeout, match="did not return from grab"):
         camera.grab(3.0)

@@ -57,6 +57,7 @@ from eimi_lab.acquisition.events import (
 from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.toml import parse
 from eimi_lab.process.stopping import Stopped
+from tests.lab.conftest import give_many_states
 from tests.patience import PATIENCE_S
 
 ONE_OF_EACH = (
@@ -345,9 +346,7 @@ def test_a_reader_that_has_ended_or_does_not_read_never_delays_the_run(bench: Pa
 
 
 def test_the_guardian_of_a_killed_run_continues_the_events(bench: Path) -> None:
-    # A run of 50 states has not ended when a test, delayed on a busy computer, kills it.
-    protocol = bench / "protocol.toml"
-    protocol.write_text(protocol.read_text().replace("stop_A = 0.3\nstep_A = 0.1", "stop_A = 0.98\nstep_A = 0.02", 1))
+    give_many_states(bench)
     with emulated(bench) as coil:
         events = []
         with subprocess.Popen(

@@ -149,7 +149,7 @@ def test_the_guardian_does_not_wait_for_a_pseudo_terminal_that_no_longer_exists(
     with bench.ward() as ward:
         guardian = Guardian(ward)
         guardian.arm()
-        # While this end is open, no emulator of another test gets the same name.
+        # While the test keeps this pseudo-terminal open, no other emulator can get the same name.
         held = os.open(ward.address, os.O_RDWR | os.O_NOCTTY)
     guardian.dismiss()
     assert wait_for(guardian) == 0

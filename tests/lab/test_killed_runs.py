@@ -17,7 +17,7 @@ from eimi_drivers.clock import WallClock
 from eimi_drivers.emulators.serve import emulate, serve_pty, serve_tcp
 from eimi_drivers.emulators.supply import CoilSupply
 from eimi_lab.dataset.reading import open_dataset
-from tests.lab.conftest import NAMES, PICTURES
+from tests.lab.conftest import NAMES, PICTURES, give_many_states
 from tests.patience import PATIENCE_S
 
 FOUR_STATES = [0.0, 0.1, 0.2, 0.3]
@@ -55,12 +55,6 @@ camera = {{ driver = "opencv", source = "{bench / "recording"}" }}
             if line.startswith(f"acquire {after}/"):
                 act(process)
         return RunEnd(process.wait(PATIENCE_S), lines)
-
-
-def give_many_states(bench: Path) -> None:
-    # Give the protocol so many states that the run has not ended when a busy test acts on it.
-    protocol = bench / "protocol.toml"
-    protocol.write_text(protocol.read_text().replace("stop_A = 0.3\nstep_A = 0.1", "stop_A = 0.98\nstep_A = 0.02", 1))
 
 
 def assert_off(coil: CoilSupply) -> None:

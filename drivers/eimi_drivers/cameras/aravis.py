@@ -203,8 +203,8 @@ class AravisCamera:
 
     def _start(self) -> int:
         if self._gige:
-            # With the rights of root, Aravis 0.8 receives through a packet socket. Until its filter is set, it takes
-            # packets of other programs for frames of the camera, and later discards frames with smaller numbers.
+            # If the program runs as root, Aravis 0.8 reads from a packet socket. Before Aravis has set the filter of
+            # this socket, it takes packets of other programs for parts of frames, and can then discard real frames.
             device = self._aravis.camera_get_device(self._camera)
             self._aravis.gv_device_set_stream_options(device, PACKET_SOCKET_DISABLED)
         stream = int(self._aravis.camera_create_stream(self._camera, None, None))

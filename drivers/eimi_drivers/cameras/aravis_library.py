@@ -51,8 +51,7 @@ BUFFER_STATUS = {
 SUCCESS = 0
 
 PACKET_SOCKET_DISABLED = 1
-"""The value of ArvGvStreamOption with which frames arrive through an ordinary UDP socket (arvgvstream.h of Aravis 0.8).
-"""
+"""The value of ArvGvStreamOption that makes Aravis read frames from a UDP socket (arvgvstream.h of Aravis 0.8)."""
 
 
 class _GError(ctypes.Structure):

@@ -27,6 +27,7 @@ export function tell(words, bad = false) {
   told.textContent = words;
   told.classList.toggle("bad", bad);
 }
+
 export const tellError = (error) => tell(error.message, true);
 export const tried = (act) => async (event) => {
   event?.preventDefault();

@@ -115,7 +115,7 @@ def test_a_run_is_fitted_and_its_report_opened(served: Any, tab: Any, rod: Path)
     shown = re.search(r"initial shear modulus ([\d.]+)\skPa \(95 % interval: ([\d.]+) to ([\d.]+)\skPa", result)
     numbers = [fit["initial_shear_modulus"]["value"], *fit["initial_shear_modulus"]["interval_95"]]
     assert [float(text) for text in shown.groups()] == pytest.approx([1e-3 * number for number in numbers], abs=0.006)
-    # The page asks for the link after the end of the fit.
+    # The page requests the address of the report only after the fit has ended.
     page.get_by_role("link", name="Report", exact=True).wait_for()
     report = served.ask(page.locator("#fit-report").get_attribute("href"))
     assert report.status == 200
