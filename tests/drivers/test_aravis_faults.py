@@ -12,6 +12,7 @@ from contextlib import ExitStack, contextmanager
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from eimi_drivers.cameras import CAMERAS, CameraSettings, aravis
 from eimi_drivers.cameras.aravis import AravisCamera
@@ -181,6 +182,23 @@ def test_packets_of_another_program_are_no_frames_of_the_camera(none_served: Non
             camera = opened()
             camera.grab(GRAB_S)
             camera.close()
+
+
+def large() -> Callable[[], NDArray[np.uint8]]:
+    # Return a function that returns a picture whose packets need more memory than Linux gives to a socket by default.
+    picture = np.arange(1280 * 1024, dtype=np.uint32).astype(np.uint8).reshape(1024, 1280)
+    return lambda: picture
+
+
+@needs_aravis
+def test_large_frames_arrive_completely(none_served: None) -> None:
+    with gige_camera(large, (1280, 1024)):
+        camera = opened()
+        numbers = [camera.grab(GRAB_S).number for _ in range(30)]
+        assert np.array_equal(camera.grab(GRAB_S).image, large()())
+        camera.close()
+    # A computer that lets the program wait for longer than 0.2 s can lose single frames.
+    assert numbers[-1] - numbers[0] <= 29 + 10, camera.lost_frames
 
 
 @needs_aravis

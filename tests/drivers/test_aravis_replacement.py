@@ -193,6 +193,7 @@ def test_the_acquisition_begins_after_32_buffers_of_the_payload_are_ready(librar
     assert names.index("camera_create_stream") < names.index("camera_get_payload") < names.index("stream_push_buffer")
     assert library.named("buffer_new_allocate") == [[PAYLOAD]] * 32
     assert library.named("stream_push_buffer") == [[STREAM, 100 + PAYLOAD]] * 32
+    assert library.named("set_int") == [[STREAM, "socket-buffer-size", 6 * 2**20]]
     assert library.calls[-1] == ("camera_start_acquisition", CAMERA)
 
 

@@ -19,10 +19,13 @@ from eimi_drivers.cameras.aravis_library import Aravis, load_aravis
 from eimi_drivers.emulators import gige_camera, gige_process
 from eimi_drivers.emulators.gige_camera import serve_gige
 from eimi_drivers.emulators.gige_process import CameraProcess
+from eimi_drivers.emulators.gige_stream import FrameSender, StreamedFrame
 from eimi_drivers.interfaces import InstrumentDisconnected, InstrumentError, SetPointRefused
 
 GV_CAMERA, FAKE = 11, 12
 SIZE_PX = (6, 4)
+RECEIVER = {0xD18: 0x7F000001, 0xD00: 40000, 0xD04: 0x40000000 + 1400}
+"""Address, port and packet size of the receiver in the registers (arvgvcpprivate.h of Aravis 0.8)."""
 PICTURE = np.arange(24, dtype=np.uint8).reshape(4, 6)
 
 
@@ -33,7 +36,7 @@ class FakeAravis:
         self.calls: list[tuple[Any, ...]] = []
         self.registers: dict[int, int] = {}
         self.region = (0, 0, *SIZE_PX)
-        self.data = (ctypes.c_uint8 * 64)(*([255] * 64))
+        self.sent: list[tuple[StreamedFrame, tuple[str, int], int]] = []
         self.runs = True
         self.description = ""
         self.fill: Callable[..., None] = print
@@ -52,6 +55,10 @@ class FakeAravis:
         assert fake == FAKE
         self.registers[register] = value
 
+    def fake_camera_read_register(self, fake: int, register: int, value: Any) -> None:
+        assert fake == FAKE
+        value._obj.value = RECEIVER[register]
+
     def fake_camera_set_trigger_frequency(self, fake: int, rate_Hz: float) -> None:
         self.calls.append(("rate", fake, rate_Hz))
 
@@ -66,8 +73,11 @@ class FakeAravis:
         for pointer, number in zip(place, self.region, strict=True):
             pointer._obj.value = number
 
-    def buffer_get_data(self, buffer: int, size: Any) -> int:
-        return ctypes.addressof(self.data)
+    def buffer_get_frame_id(self, buffer: int) -> int:
+        return 65401
+
+    def buffer_get_timestamp(self, buffer: int) -> int:
+        return 5_000_000_000
 
     def set_double(self, gv_camera: int, name: str, number: float) -> None:
         self.calls.append(("set", gv_camera, name, number))
@@ -76,10 +86,13 @@ class FakeAravis:
         self.calls.append(("release", gobject))
 
     def exposed(self, code: int = 0x01080001) -> list[int]:
-        # Expose one picture in the pixel format with this code, and return the bytes of its data.
-        self.data[:] = [255] * 64
+        # Expose one picture in the pixel format with this code, and return the bytes of the data that are sent.
         self.fill(1, None, 0, 0, code)
-        return list(self.data)
+        frame, receiver, packet_size = self.sent.pop()
+        assert (frame.number, frame.stamp_ns, frame.pixel_format) == (65401, 5_000_000_000, code)
+        assert frame.region == self.region
+        assert (receiver, packet_size) == (("127.0.0.1", 40000), 1400)
+        return list(frame.data)
 
 
 @pytest.fixture
@@ -87,6 +100,7 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> FakeAravis:
     made = FakeAravis()
     monkeypatch.setattr(gige_camera, "load_aravis", lambda: made)
     monkeypatch.setattr(gige_camera, "_refuse_taken", lambda address: None)
+    monkeypatch.setattr(FrameSender, "send", lambda sender, *sent: made.sent.append(sent))
     return made
 
 
@@ -94,7 +108,8 @@ def test_the_emulated_camera_begins_with_the_size_of_its_sensor_and_a_software_t
     with serve_gige(lambda: PICTURE, SIZE_PX):
         # Width, height and sizes of the sensor, trigger source and gain (arvfakecamera.h of Aravis 0.8).
         assert fake.registers == {0x11C: 6, 0x118: 4, 0x100: 6, 0x104: 4, 0x304: 1, 0x110: 0}
-        assert fake.calls == [("new", b"127.0.0.1", b"EIMI01"), ("rate", FAKE, 100.0)]
+        silent = ("set", GV_CAMERA, "gvsp-lost-ratio", 1.0)  # Aravis itself sends no packet
+        assert fake.calls == [("new", b"127.0.0.1", b"EIMI01"), silent, ("rate", FAKE, 100.0)]
         assert "FROM - FROM % 1<" in fake.description
         assert '<EnumEntry Name="Global">' in fake.description
     assert fake.calls[-1] == ("release", GV_CAMERA)
@@ -107,19 +122,19 @@ def test_the_emulated_camera_begins_with_the_size_of_its_sensor_and_a_software_t
         shutter="Rolling",
         triggers_per_s=7.0,
     ) as camera:
-        assert fake.calls[-2:] == [("new", b"127.0.0.5", b"S2"), ("rate", FAKE, 7.0)]
+        assert fake.calls[-3:] == [("new", b"127.0.0.5", b"S2"), silent, ("rate", FAKE, 7.0)]
         assert "FROM - FROM % 8<" in fake.description
         assert '<EnumEntry Name="Rolling">' in fake.description
         camera.lose_packets(0.25)
-        assert fake.calls[-1] == ("set", GV_CAMERA, "gvsp-lost-ratio", 0.25)
+        assert camera._sender.lost_share == 0.25
         assert camera.failure is None
 
 
 def test_a_picture_of_the_emulated_camera_is_the_region_of_the_sensor(fake: FakeAravis) -> None:
     with serve_gige(lambda: PICTURE, SIZE_PX):
-        assert fake.exposed() == [*range(24), *[255] * 40]
+        assert fake.exposed() == [*range(24)]
         fake.region = (1, 2, 3, 2)
-        assert fake.exposed() == [13, 14, 15, 19, 20, 21, *[255] * 58]
+        assert fake.exposed() == [13, 14, 15, 19, 20, 21]
         assert fake.exposed(0x01100005)[:4] == [13 << 4, 0, 14 << 4, 0]  # Mono12, little-endian
 
 
@@ -131,7 +146,7 @@ def test_after_an_error_of_the_picture_the_error_is_kept_and_all_pictures_are_bl
 
     with serve_gige(fail, SIZE_PX) as camera:
         for _ in range(2):
-            assert fake.exposed() == [*[0] * 24, *[255] * 40]
+            assert fake.exposed() == [0] * 24
         assert str(camera.failure) == "first"
         assert len(errors) == 1  # the function is not called again
 
@@ -432,6 +447,17 @@ def test_a_call_without_an_error_returns_its_result_and_texts_are_freed() -> Non
     assert aravis.get_n_devices() == 3
     assert aravis.strings("camera_dup_available_trigger_sources", 7) == ("Software", "")
     assert glib.g_free.given == [([b"Software", None],)]
+
+
+def test_a_property_is_set_as_an_integer() -> None:
+    gobject = Shared()
+    Aravis(Shared(), gobject, Shared()).set_int(7, "socket-buffer-size", 5000)  # type: ignore[arg-type]
+    ((value, kind),) = gobject.g_value_init.given
+    assert kind == 24  # G_TYPE_INT is the fundamental type 6, shifted by 2 (gtype.h)
+    assert [number for _, number in gobject.g_value_set_int.given] == [5000]
+    ((camera, name, given),) = gobject.g_object_set_property.given
+    assert (camera, name) == (7, b"socket-buffer-size")
+    assert value._obj is given._obj is gobject.g_value_set_int.given[0][0]._obj
 
 
 def test_a_property_is_set_as_a_double() -> None:

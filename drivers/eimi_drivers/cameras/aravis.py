@@ -32,6 +32,12 @@ from eimi_drivers.interfaces import (
 BUFFERS = 32
 """Number of frames that Aravis stores while the program does something else and the camera continues to expose."""
 
+RECEIVE_BUFFER_BYTES = 6 * 2**20
+"""Memory (bytes) that the driver requests from the kernel for packets that Aravis has not read yet.
+
+Linux gives at most twice net.core.rmem_max, and counts the memory that it needs for each packet (socket(7), SO_RCVBUF).
+"""
+
 ANSWER_WITHIN_S = 0.4
 """Additional time (s) for the answer to a command, if the camera sent no frame within the timeout."""
 
@@ -210,6 +216,8 @@ class AravisCamera:
         stream = int(self._aravis.camera_create_stream(self._camera, None, None))
         self._objects.append(stream)
         payload = self._aravis.camera_get_payload(self._camera)
+        if self._gige:
+            self._aravis.set_int(stream, "socket-buffer-size", RECEIVE_BUFFER_BYTES)
         for _ in range(BUFFERS):
             self._aravis.stream_push_buffer(stream, self._aravis.buffer_new_allocate(payload))
         self._aravis.camera_start_acquisition(self._camera)

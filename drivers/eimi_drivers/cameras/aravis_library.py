@@ -144,6 +144,7 @@ _PLAIN: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "arv_gv_fake_camera_get_fake_camera": (pointer, (pointer,)),
     "arv_fake_camera_set_fill_pattern": (None, (pointer, pointer, pointer)),
     "arv_fake_camera_write_register": (c_bool, (pointer, c_uint32, c_uint32)),
+    "arv_fake_camera_read_register": (c_bool, (pointer, c_uint32, POINTER(c_uint32))),
     "arv_fake_camera_set_trigger_frequency": (None, (pointer, c_double)),
 }
 
@@ -157,6 +158,7 @@ _GOBJECT: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "g_object_set_property": (None, (pointer, c_char_p, POINTER(GValue))),
     "g_value_init": (pointer, (POINTER(GValue), c_size_t)),
     "g_value_set_double": (None, (POINTER(GValue), c_double)),
+    "g_value_set_int": (None, (POINTER(GValue), c_int)),
 }
 """Result type and argument types of the functions of GLib and GObject.
 
@@ -217,6 +219,13 @@ class Aravis:
         value = GValue()
         self._gobject.g_value_init(byref(value), 15 << 2)  # G_TYPE_DOUBLE, gtype.h
         self._gobject.g_value_set_double(byref(value), number)
+        self._gobject.g_object_set_property(gobject, name.encode(), byref(value))
+
+    def set_int(self, gobject: int, name: str, number: int) -> None:
+        """Set the property `name` of a GObject to an integer."""
+        value = GValue()
+        self._gobject.g_value_init(byref(value), 6 << 2)  # G_TYPE_INT, gtype.h
+        self._gobject.g_value_set_int(byref(value), number)
         self._gobject.g_object_set_property(gobject, name.encode(), byref(value))
 
     def _error(self, error: Any) -> InstrumentError:

@@ -25,6 +25,7 @@ session            serve a supply whose fault begins after its output was switch
 sensor_session     serve a sensor in the field of an emulated coil
 coil_line          send the true current of an emulated coil to a virtual beam
 gige_camera        serve pictures over GigE Vision with the fake camera of Aravis
+gige_stream        send the frames of the emulated camera, as fast as the receiver reads them
 gige_features      the GenICam description of the emulated camera
 gige_process       serve an emulated camera from a separate process
 serve              serve an emulator in the same process, on a pseudo-terminal or on a TCP port

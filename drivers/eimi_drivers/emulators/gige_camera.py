@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import ctypes
 import socket
+import struct
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from ctypes import byref, c_int, c_size_t, c_uint32, c_void_p
+from contextlib import closing, contextmanager
+from ctypes import byref, c_int, c_uint32, c_void_p
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,13 @@ from eimi_drivers.emulators.gige_features import (
     WIDTH,
     describe,
 )
+from eimi_drivers.emulators.gige_stream import (
+    PACKET_SIZE,
+    STREAM_ADDRESS,
+    STREAM_PORT,
+    FrameSender,
+    StreamedFrame,
+)
 from eimi_drivers.interfaces import InstrumentError
 
 LOOPBACK = "127.0.0.1"
@@ -38,20 +46,18 @@ class GigECamera:
 
     Parameters
     ----------
-    gv_camera : int
-        The pointer to the fake GigE Vision camera (ArvGvFakeCamera) of Aravis.
-    fake : int
-        The pointer to the fake camera (ArvFakeCamera) that produces the pictures.
+    sender : FrameSender
+        The sender of the frames.
     """
 
-    def __init__(self, gv_camera: int, fake: int) -> None:
-        self._gv_camera, self._fake = gv_camera, fake
+    def __init__(self, sender: FrameSender) -> None:
+        self._sender = sender
         self.failure: Exception | None = None
         """The error that the function `picture` raised; None without an error. All later pictures are black."""
 
     def lose_packets(self, share: float) -> None:
         """Lose a share (0 to 1) of the network packets of all further pictures."""
-        load_aravis().set_double(self._gv_camera, "gvsp-lost-ratio", share)
+        self._sender.lost_share = share
 
 
 @contextmanager
@@ -101,7 +107,7 @@ def serve_gige(
         description.write_text(describe(rows_step, shutter), encoding="utf-8")
         gv_camera = aravis.gv_fake_camera_new_full(address.encode(), serial_number.encode(), str(description).encode())
     fake = aravis.gv_fake_camera_get_fake_camera(gv_camera)
-    camera = GigECamera(gv_camera, fake)
+    aravis.set_double(gv_camera, "gvsp-lost-ratio", 1.0)  # Aravis sends no packet; `sender` sends all packets
     width, height = size_px
     for register, value in (
         (SENSOR_WIDTH, width),
@@ -115,7 +121,12 @@ def serve_gige(
     aravis.fake_camera_set_trigger_frequency(fake, triggers_per_s)
     black = np.zeros((height, width), np.uint8)
 
-    def fill(buffer: int, _data: int, _exposure_us: int, _gain: int, code: int) -> None:
+    def read(register: int) -> int:
+        number = c_uint32()
+        aravis.fake_camera_read_register(fake, register, byref(number))
+        return number.value
+
+    def expose(buffer: int, _data: int, _exposure_us: int, _gain: int, code: int) -> None:
         whole = black
         if camera.failure is None:
             try:
@@ -124,17 +135,21 @@ def serve_gige(
                 camera.failure = error
         left, top, columns, rows = (c_int() for _ in range(4))
         aravis.buffer_get_image_region(buffer, byref(left), byref(top), byref(columns), byref(rows))
+        region = (left.value, top.value, columns.value, rows.value)
         part = whole[top.value : top.value + rows.value, left.value : left.value + columns.value]
-        data = encode(PIXEL_FORMATS[code], part)
-        received = c_size_t()
-        ctypes.memmove(aravis.buffer_get_data(buffer, byref(received)), data, len(data))
+        number, stamp_ns = aravis.buffer_get_frame_id(buffer), aravis.buffer_get_timestamp(buffer)
+        frame = StreamedFrame(number, stamp_ns, code, region, encode(PIXEL_FORMATS[code], part))
+        receiver = (socket.inet_ntoa(struct.pack(">I", read(STREAM_ADDRESS))), read(STREAM_PORT))
+        sender.send(frame, receiver, read(PACKET_SIZE) & 0xFFFF)
 
-    callback = _Fill(fill)  # this name keeps the callback alive, because Aravis holds no reference
-    aravis.fake_camera_set_fill_pattern(fake, callback, None)
+    callback = _Fill(expose)  # this name keeps the callback alive, because Aravis holds no reference
     try:
         if not aravis.gv_fake_camera_is_running(gv_camera):
             raise InstrumentError(f"cannot serve a GigE camera on {address}: no network interface has this address")
-        yield camera
+        with closing(FrameSender(address)) as sender:
+            camera = GigECamera(sender)
+            aravis.fake_camera_set_fill_pattern(fake, callback, None)
+            yield camera
     finally:
         aravis.release(gv_camera)
 
