@@ -107,15 +107,16 @@ def test_a_misspelt_key_gives_one_line_that_names_the_right_one(files: Path) -> 
 
 
 def test_an_instrument_that_does_not_answer_gives_one_line_and_status_1(files: Path) -> None:
-    (files / "rig.toml").write_text("""
+    absent = files / "not-there"
+    (files / "rig.toml").write_text(f"""
 name = "none"
 calibration = "calibration.toml"
-supply = { driver = "korad", address = "/dev/not-there", limits = { current_A = 1.0, voltage_V = 10.0 } }
-camera = { driver = "opencv", source = 0 }
+supply = {{ driver = "korad", address = "{absent}", limits = {{ current_A = 1.0, voltage_V = 10.0 }} }}
+camera = {{ driver = "opencv", source = 0 }}
 """)
     done = eimi(*ACQUIRE, "rig.toml", "-o", "x.h5", cwd=files)
     assert done.returncode == 1
-    assert done.stderr.startswith("eimi: /dev/not-there: ")
+    assert done.stderr.startswith(f"eimi: {absent}: ")
     assert re.search(r"serial ports of this computer: .+; cameras: .+; `eimi instruments` shows more", done.stderr)
     assert done.stderr.count("\n") == 1
     assert not (files / "x.h5").exists()

@@ -182,11 +182,11 @@ def test_a_run_on_a_network_file_system_prints_a_warning(
     (files / "mounts").write_text(f"/dev/sda1 / ext4 rw 0 0\nserver:/data {files / 'share'} nfs4 rw 0 0\n")
     monkeypatch.setattr(network_file_system, "__defaults__", (files / "mounts",))
     (files / "share").mkdir()
-    (files / "rig.toml").write_text("""
+    (files / "rig.toml").write_text(f"""
 name = "none"
 calibration = "calibration.toml"
-supply = { driver = "korad", address = "/dev/not-there", limits = { current_A = 1.0, voltage_V = 10.0 } }
-camera = { driver = "opencv", source = 0 }
+supply = {{ driver = "korad", address = "{files / "not-there"}", limits = {{ current_A = 1.0, voltage_V = 10.0 }} }}
+camera = {{ driver = "opencv", source = 0 }}
 """)
     arguments = ("acquire", files / "protocol.toml", "--specimen", files / "specimen.toml", "--rig", files / "rig.toml")
     status, message = run(*arguments, "-o", files / "share" / "run.h5")

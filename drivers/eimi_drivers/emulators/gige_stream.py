@@ -27,13 +27,13 @@ HEADERS = 36
 """Size (bytes) of the headers of IP, UDP and GVSP, which the size of a packet includes."""
 
 AT_ONCE = 32_000
-"""Number of bytes that are sent before the queue of the receiver is looked at again."""
+"""Number of bytes that are sent before the sender checks the queue of the receiver again."""
 
 QUEUE = 64_000
 """Memory (bytes) of the unread packets of the receiver above which the sender waits."""
 
 WAIT_S, LOOK_EVERY_S = 0.2, 2e-4
-"""Longest wait (s) for the receiver during one frame, and the time (s) between two looks at its queue."""
+"""Longest wait (s) for the receiver during one frame, and the time (s) between two checks of its queue."""
 
 _LEADER, _TRAILER, _PAYLOAD = 1, 2, 3
 _IMAGE = 1
@@ -90,7 +90,7 @@ def packets(frame: StreamedFrame, packet_size: int) -> Iterator[bytes]:
 
 
 def unread_bytes(port: int) -> int:
-    """Return the memory (bytes) of the packets that wait on this computer at a UDP port; 0 if the system hides it."""
+    """Return the memory (bytes) of the unread packets at a UDP port of this computer; 0 if the system does not say."""
     try:
         rows = _UDP_SOCKETS.read_text(encoding="ascii").splitlines()[1:]
     except OSError:  # only Linux has this file
@@ -100,7 +100,7 @@ def unread_bytes(port: int) -> int:
 
 
 class FrameSender:
-    """Sends frames from an IP address of this computer.
+    """The socket that sends the frames of a camera from an IP address of this computer.
 
     Attributes
     ----------

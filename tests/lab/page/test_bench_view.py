@@ -6,6 +6,7 @@ import json
 import os
 import re
 import signal
+import socket
 import time
 from collections.abc import Callable
 from http.client import HTTPConnection
@@ -121,11 +122,14 @@ def test_a_run_that_fails_shows_its_reason_and_nothing_of_the_previous_run(
     page.locator("#values").get_by_text("0 mT").wait_for()
 
     rig = emulated_bench.folder / "rig.toml"
-    rig.write_text(re.sub(r'address = "[^"]*"', 'address = "TCPIP::127.0.0.1::1::SOCKET"', rig.read_text()))
-    page.get_by_label("Dataset to write").fill("second.h5")
-    page.get_by_role("button", name="Start").click()
-    page.get_by_text("Connection refused").wait_for()
-    page.get_by_text("The run did not complete").wait_for()
+    with socket.socket() as silent:
+        silent.bind(("127.0.0.1", 0))  # no other test on this computer can lock a supply with this address
+        address = f'address = "TCPIP::127.0.0.1::{silent.getsockname()[1]}::SOCKET"'
+        rig.write_text(re.sub(r'address = "[^"]*"', address, rig.read_text()))
+        page.get_by_label("Dataset to write").fill("second.h5")
+        page.get_by_role("button", name="Start").click()
+        page.get_by_text("The run did not complete").wait_for()
+    assert "Connection refused" in page.locator("#outcome-words").inner_text()
     reason = page.locator("#outcome-words").bounding_box()
     assert reason["x"] > 300  # beside the form, above the picture
     assert reason["y"] < 300
