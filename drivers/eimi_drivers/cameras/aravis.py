@@ -33,7 +33,7 @@ BUFFERS = 32
 """Number of frames that Aravis stores while the program does something else and the camera continues to expose."""
 
 RECEIVE_BUFFER_BYTES = 6 * 2**20
-"""Memory (bytes) that the driver requests from the kernel for packets that Aravis has not read yet.
+"""Memory (bytes) that the driver requests from the operating system for packets that Aravis has not read yet.
 
 Linux gives at most twice net.core.rmem_max, and counts the memory that it needs for each packet (socket(7), SO_RCVBUF).
 """

@@ -30,7 +30,7 @@ AT_ONCE = 32_000
 """Number of bytes that are sent before the sender checks the queue of the receiver again."""
 
 QUEUE = 64_000
-"""Memory (bytes) of the unread packets of the receiver above which the sender waits."""
+"""Memory (bytes). The sender waits while the unread packets of the receiver need more memory than this."""
 
 WAIT_S, LOOK_EVERY_S = 0.2, 2e-4
 """Longest wait (s) for the receiver during one frame, and the time (s) between two checks of its queue."""
@@ -90,7 +90,7 @@ def packets(frame: StreamedFrame, packet_size: int) -> Iterator[bytes]:
 
 
 def unread_bytes(port: int) -> int:
-    """Return the memory (bytes) of the unread packets at a UDP port of this computer; 0 if the system does not say."""
+    """Return the memory (bytes) of the unread packets at a UDP port of this computer; 0 if it is not known."""
     try:
         rows = _UDP_SOCKETS.read_text(encoding="ascii").splitlines()[1:]
     except OSError:  # only Linux has this file
