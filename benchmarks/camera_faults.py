@@ -62,7 +62,7 @@ def lost_packets(size_px: tuple[int, int], share: float) -> str:
             wrong += not np.array_equal(frame.image, picture(frame.number - FIRST_NUMBER, size_px))
         camera.close()
     packets = -(-size_px[0] * size_px[1] // PAYLOAD_BYTES) + 2
-    # The driver counts the lost frames when a complete frame comes, so that without one their number is not known.
+    # The driver counts lost frames when the next complete frame comes. Without a complete frame, the number is unknown.
     none = "none" if received else "not counted"
     lost = ", ".join(f"{count} ({reason})" for reason, count in camera.lost_frames.items() if count) or none
     spent = f"{1e3 * np.median(times_s):.0f} ms, at most {max(times_s):.2f} s" if times_s else "none"
